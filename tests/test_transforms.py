@@ -35,11 +35,6 @@ def exponential(generator: np.ndarray) -> np.ndarray:
     return total
 
 
-@given(VECTORS, VECTORS)
-def test_cross_matrices_multiply_like_the_cross_product(a, b):
-    np.testing.assert_allclose(cross_matrices(a) @ b, np.cross(a, b), atol=1e-14)
-
-
 @given(VECTORS)
 def test_rotations_are_the_exponential_of_their_cross_matrix(vector):
     np.testing.assert_allclose(rotation_from_vector(vector), exponential(cross_matrices(vector)), atol=1e-12)

@@ -1,6 +1,6 @@
 """A command that gets a signal at a chosen change of the file system: the n-th, in the parent or in a worker.
 
-Call it with the name of a signal (or ``none``), ``parent`` or ``worker``, n, and a command line of ``oneframe``.
+Call it with the name of a signal (or ``none``), ``parent`` or ``worker``, n, ``render`` and its arguments.
 Python's audit hooks tell it of every file that is created, renamed or removed, just before that is done.
 """
 
@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from oneframe.commands import pack, render
+from oneframe.commands import render
 from oneframe.process.command import run_command
 from oneframe.process.command_line import run_script
 
@@ -40,7 +40,7 @@ def arm(name: str, place: int, out: str) -> list[int]:
 
 
 if __name__ == "__main__":
-    name, who, place, command, *arguments = sys.argv[1:]
+    name, who, place, _, *arguments = sys.argv[1:]
     is_worker = arguments[-1] == "--worker"
     armed = (who == "worker") == is_worker
     changes = arm(name, int(place), arguments[arguments.index("--out") + 1]) if armed else []
@@ -48,7 +48,7 @@ if __name__ == "__main__":
 
     def run(argv: list[str]) -> int:
         render.own_command = lambda: [sys.executable, __file__, name, who, place, "render"]
-        code = run_command(f"oneframe {command}", {"pack": pack, "render": render}[command], argv)
+        code = run_command("oneframe render", render, argv)
         if name == "none":
             sys.stderr.write(f"{len(changes)}\n")
         return code

@@ -1,4 +1,4 @@
-"""Commands that write a case with its files: wherever one is killed, the case names the files it was written with.
+"""Commands that write many files, wherever one is killed: a case names its own files, and a shard of a pack is whole.
 
 Instead of killing a run at each of its changes of the file system, one run is watched, and its folder copied before
 each change: these are all the states that a kill could leave.
@@ -20,6 +20,7 @@ from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 from tests.alignment.test_refinement import hills
+from tests.packing.conftest import dataset  # noqa: F401
 from tests.registration.test_registration import SOURCE, photograph, seen_from, write_case
 from tests.tree import tree
 from tests.volume.ball_ct import write_ball_ct
@@ -131,3 +132,20 @@ def test_surface(tmp_path):
     with copied_before_each_change(out) as states:
         run("700")
     assert {read(state) for state in states} == {before, (), read(out)}
+
+
+def test_pack(dataset, tmp_path):  # noqa: F811
+    """And the same command goes on from there, to the same bytes."""
+    out = tmp_path / "out"
+
+    def run(out: Path) -> dict[str, bytes]:
+        line = ["pack", dataset, "--out", out, "--views-per-shard", "2", "--workers", "1"]
+        assert dispatch([*map(str, line)]) == 0
+        return tree(out)
+
+    with copied_before_each_change(out) as states:
+        expected = run(out)
+    assert len(states) > 12
+    for state in states:
+        assert tree(state).items() >= {(shard.name, expected[shard.name]) for shard in state.glob("shard-*.tar")}
+        assert run(state) == expected

@@ -18,7 +18,7 @@ class InputError(ValueError):
         text = str(message)
         if len(text) > LONGEST_MESSAGE:
             text = f"{text[: LONGEST_MESSAGE // 2]} ... {text[-LONGEST_MESSAGE // 3 :]}"
-        super().__init__(text)
+        super().__init__(printable(text))
 
 
 class RunError(RuntimeError):
@@ -26,6 +26,19 @@ class RunError(RuntimeError):
 
     Finished results are kept; the message says how to continue. Scripts exit with code 3.
     """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(printable(str(message)))
+
+
+def printable(text: str, *, kept: str = "\n") -> str:
+    """A text that shows what it holds: names of files can hold escapes, marks that turn words round, broken UTF-8."""
+    return "".join(
+        character
+        if character.isprintable() or character in kept
+        else character.encode("unicode_escape", "surrogatepass").decode()
+        for character in text
+    )
 
 
 @contextmanager

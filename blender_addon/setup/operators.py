@@ -6,6 +6,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from ..class_registration import prop
 from ..pipeline.blender.alignment import alignment_scene, surface_object
+from ..pipeline.camera.distortion import lens_doubts
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
 from ..pipeline.case.case_file import MM_PER_UNIT
@@ -57,8 +58,9 @@ class ONEFRAME_OT_load_camera(OpensFile):
         fit = fit_of(found, size)
         # of another size, the panel offers to rescale it, as it does when the frame is loaded after K
         camera = fit.camera if fit.rescaled is None or found.size is None else found.camera(found.size)
-        to_scene.set_camera(context, camera, found.distortion_for(camera))
-        return fit.messages
+        distortion = found.distortion_for(camera)
+        to_scene.set_camera(context, camera, distortion)
+        return *fit.messages, *lens_doubts(distortion, camera)
 
 
 class ONEFRAME_OT_set_camera(Reporting):
@@ -69,7 +71,7 @@ class ONEFRAME_OT_set_camera(Reporting):
     def run(self, context: bpy.types.Context) -> Messages:
         camera, distortion = to_scene.typed_camera(context.scene)
         to_scene.set_camera(context, camera, distortion)
-        return *to_scene.frame_warnings(context.scene), *camera_doubts(camera)
+        return *to_scene.frame_warnings(context.scene), *camera_doubts(camera), *lens_doubts(distortion, camera)
 
 
 class ONEFRAME_OT_rescale_camera(Reporting):

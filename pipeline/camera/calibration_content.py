@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from ..errors import InputError
-from ..files.content import LARGEST_TEXT, decoded
+from ..files.content import decoded
 from ..files.numbers import number_rows
 from ..files.tables import check_levels, parsed_json, parsed_toml
 
@@ -30,8 +30,6 @@ def content_table(data: bytes, path: Path) -> object:
     name, suffix, text = path.name, path.suffix.lower(), decoded(data)
     if text is None:
         raise _unknown_format(name)
-    if len(text) > LARGEST_TEXT:
-        raise InputError(f"{name}: expected a camera, found a text of {len(text) >> 20} MB; choose another file")
     begin = text.lstrip()
     # JSON is YAML, too; lists of YAML begin alike
     if begin.startswith("{") and suffix not in (".yaml", ".yml"):

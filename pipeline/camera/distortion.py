@@ -16,6 +16,12 @@ from .pinhole import PinholeCamera
 FOLD_GRID = 101
 """Grid lines along each side of the frame in the test for folds; folds narrower than 1 % of the frame may be missed."""
 
+LEAST_OF_FRAME = 0.5
+"""That a lens must be able to show: folds in the corners lie outside an endoscope's circle."""
+
+FAR_OUTSIDE_PX = -1e5
+"""A place that no image has, for OpenCV's tables too, which take no NaN."""
+
 _BLOCK = 1 << 18
 """Pixels that are resampled at a time, which bounds the memory that it takes."""
 
@@ -43,6 +49,18 @@ class Distortion:
             axis=-1,
         )
 
+    def reach(self, camera: PinholeCamera) -> float:
+        """How far from the axis, in x / z, the lens neither folds the frame over nor moves it by its own size."""
+        ideal, radii = _grid(camera)
+        with np.errstate(over="ignore", invalid="ignore"):
+            points = self.distort(ideal)
+            across, down = np.diff(points[:-1], axis=1), np.diff(points[:, :-1], axis=0)
+            # coefficients that overflow give NaN, which is not positive
+            fits = across[..., 0] * down[..., 1] > across[..., 1] * down[..., 0]
+            moved = np.abs(points - ideal) * [camera.fx, camera.fy]
+            fits &= (moved < max(camera.size_wh)).all(axis=-1)[1:, 1:]
+        return float(np.minimum(radii[1:, 1:], radii[:-1, :-1])[~fits].min(initial=np.inf))
+
 
 def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Distortion | None:
     """Check coefficients from the user for a camera; all zeros give ``None``. ``where`` is their place in messages."""
@@ -60,25 +78,31 @@ def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Dis
     distortion = Distortion(*numbers)
     if not any(astuple(distortion)):
         return None
-    if _folds(distortion, camera):
+    if np.mean(_grid(camera)[1] < distortion.reach(camera)) < LEAST_OF_FRAME:
         raise InputError(
             f"{where}: expected a distortion that is invertible over the frame, found {described(values)}, which "
-            "folds it over; use OpenCV's order [k1, k2, p1, p2, k3] (p1, p2 before k3)"
+            "folds most of it over, or moves it by more than its size; use OpenCV's order [k1, k2, p1, p2, k3] (p1, p2 "
+            "before k3)"
         )
     return distortion
 
 
-def _folds(distortion: Distortion, camera: PinholeCamera) -> bool:
-    """Whether the distortion flips a cell of a grid over the frame (Jacobian determinant not positive)."""
-    u, v = np.meshgrid(
-        np.linspace(-0.5, camera.width - 0.5, FOLD_GRID), np.linspace(-0.5, camera.height - 0.5, FOLD_GRID)
+def lens_doubts(distortion: Distortion | None, camera: PinholeCamera) -> list[str]:
+    """What a user should know of the lens: where it ends."""
+    reach = np.inf if distortion is None else distortion.reach(camera)
+    masked = np.mean(_grid(camera)[1] >= reach)
+    text = (
+        f"the distortion folds the picture over from {reach * camera.fx:.0f} px off the principal point: what lies "
+        f"beyond, {masked:.0%} of the frame, is masked"
     )
-    with np.errstate(over="ignore", invalid="ignore"):
-        points = distortion.distort(camera.rays_cam(np.stack([u, v], axis=-1))[..., :2])
-        across, down = np.diff(points[:-1], axis=1), np.diff(points[:, :-1], axis=0)
-        orientation = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
-    # coefficients that overflow give NaN, which is not positive
-    return not bool((orientation > 0).all())
+    return [text] if masked else []
+
+
+def _grid(camera: PinholeCamera) -> tuple[np.ndarray, np.ndarray]:
+    """(x / z, y / z) on a grid over the frame, and their distances from the axis."""
+    u, v = (np.linspace(-0.5, side - 0.5, FOLD_GRID) for side in camera.size_wh)
+    ideal = camera.rays_cam(np.stack(np.meshgrid(u, v), axis=-1))[..., :2]
+    return ideal, np.hypot(ideal[..., 0], ideal[..., 1])
 
 
 def undistort(image: np.ndarray, camera: PinholeCamera, distortion: Distortion) -> tuple[np.ndarray, np.ndarray]:
@@ -100,6 +124,8 @@ def undistort(image: np.ndarray, camera: PinholeCamera, distortion: Distortion) 
 
 
 def distorted_pixels(camera: PinholeCamera, distortion: Distortion, pixels: np.ndarray) -> np.ndarray:
-    """``(..., 2)``: where in the distorted frame these pixels of the pinhole image lie, px."""
-    rays = camera.rays_cam(np.asarray(pixels, np.float64))
-    return distortion.distort(rays[..., :2]) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    """``(..., 2)``: where in the distorted frame pixels of the pinhole image lie, px; beyond its reach far outside."""
+    ideal = camera.rays_cam(np.asarray(pixels, np.float64))[..., :2]
+    places = distortion.distort(ideal) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    places[np.hypot(ideal[..., 0], ideal[..., 1]) >= distortion.reach(camera)] = FAR_OUTSIDE_PX
+    return places

@@ -182,10 +182,10 @@ class PinholeCamera:
 def _checked_size(size: object, where: str) -> tuple[int, int]:
     try:
         width, height = (float(side) for side in size)  # type: ignore[attr-defined]
-        whole = width.is_integer() and height.is_integer()
+        fits = all(side.is_integer() and 1 <= side <= 65536 for side in (width, height))
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{where}: expected size = [width, height] in pixels, found {described(size)}") from None
-    if not whole or not (1 <= width <= 65536 and 1 <= height <= 65536):
+        fits = False
+    if not fits:
         raise InputError(
             f"{where}: expected size = [width, height] in whole pixels from 1 to 65536, found {described(size)}"
         )

@@ -58,8 +58,7 @@ def shown_size(size_wh: tuple[int, int], pixel_aspect: float) -> tuple[int, int]
 
 def camera_doubts(camera: PinholeCamera, pixel_aspect: float = 1.0) -> tuple[str, ...]:
     """What is implausible about a K, one message per cause; empty if nothing is."""
-    of_k = _normalised_messages(camera) or [*_centre_messages(camera), *_focal_messages(camera)]
-    return (*of_k, *_aspect_messages(camera, pixel_aspect))
+    return (*_centre_messages(camera), *_focal_messages(camera), *_aspect_messages(camera, pixel_aspect))
 
 
 def _same_aspect(one: tuple[int, int], other: tuple[int, int]) -> bool:
@@ -81,15 +80,6 @@ def _size_message(file: tuple[int, int], image: tuple[int, int], pixel_aspect: f
     return f"{sizes}, another aspect ratio: it was cropped or is from another camera; give the K of this image"
 
 
-def _normalised_messages(camera: PinholeCamera) -> list[str]:
-    if 0 < camera.cx <= 1 and 0 < camera.cy <= 1 and max(camera.size_wh) > 8:
-        return [
-            f"the principal point ({camera.cx:g}, {camera.cy:g}) lies in the image's corner: K seems to be given "
-            "relative to the image's size; multiply its first row by the width and its second by the height, in pixels"
-        ]
-    return []
-
-
 def _centre_messages(camera: PinholeCamera) -> list[str]:
     offset_px = np.array([camera.cx, camera.cy]) - [(camera.width - 1) / 2, (camera.height - 1) / 2]
     if (np.abs(offset_px) <= MAX_OFFSET * np.array(camera.size_wh)).all():
@@ -107,7 +97,9 @@ def _focal_messages(camera: PinholeCamera) -> list[str]:
     if WIDEST <= ratio <= NARROWEST:
         return []
     angle_deg = float(np.degrees(2 * np.arctan(0.5 / ratio)))
-    cause = "divide a focal length in millimetres by the size of a pixel" if ratio < WIDEST else "check its unit"
+    cause = "check its unit"
+    if ratio < WIDEST:
+        cause = "divide one in millimetres by the size of a pixel, multiply a part of the image's size by that size"
     return [
         f"a focal length of {min(camera.fx, camera.fy):g} px gives this image a field of view of {angle_deg:.3g}°, "
         f"which is unusual; K is in pixels: {cause}"

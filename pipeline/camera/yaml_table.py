@@ -12,9 +12,6 @@ import yaml
 from ..errors import InputError
 from ..files.tables import check_levels
 
-MOST_VALUES = 1_000_000
-"""Values of a file in all; a list that is named twice counts twice."""
-
 
 class _Loader(yaml.CSafeLoader):
     """Reads tables, lists and scalars; what a tag such as ``!!opencv-matrix`` says, the keys say too.
@@ -22,7 +19,7 @@ class _Loader(yaml.CSafeLoader):
     Scalars stay texts: YAML 1.1 takes 0120 for 80, and 20:00 for 1200.
     """
 
-    yaml_implicit_resolvers = {"<": yaml.CSafeLoader.yaml_implicit_resolvers["<"]}  # noqa: RUF012  # as PyYAML has it
+    yaml_implicit_resolvers: dict[str, list[Any]] = {}  # noqa: RUF012  # as PyYAML has it
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, object]:
         keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
@@ -49,24 +46,14 @@ def yaml_table(text: str, where: str) -> object:
     # OpenCV's first line, "%YAML:1.0", is no directive of YAML
     text = re.sub(r"\A\s*%YAML[^\n]*", "", text).expandtabs()
     try:
+        # a list that is named again may grow without end
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, _Loader)):
+            raise ValueError("it names a list again, as *id001: write each list out")
         # ROS ends what it prints with "---"
         documents = [part for part in yaml.load_all(text, _Loader) if part]
         table = documents[0] if len(documents) == 1 else documents
-        _check_values(table, {})
         check_levels(table)
         return table
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200]
         raise InputError(f"{where}: expected YAML, cannot read it ({reason}); correct it or write it again") from None
-
-
-def _check_values(value: object, counts: dict[int, int]) -> int:
-    """How many values a table holds where each list counts as often as it is named; ValueError for too many."""
-    if not isinstance(value, dict | list):
-        return 1
-    if id(value) not in counts:
-        parts = value.values() if isinstance(value, dict) else value
-        counts[id(value)] = 1 + sum(_check_values(part, counts) for part in parts)
-    if counts[id(value)] > MOST_VALUES:
-        raise ValueError(f"it holds more than {MOST_VALUES} values")
-    return counts[id(value)]

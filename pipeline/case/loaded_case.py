@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..camera.distortion import lens_doubts
 from ..camera.pinhole import whereabouts
 from ..errors import InputError
 from ..files.keys import nearest_name
@@ -105,6 +106,7 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         guess = initial_pose(mesh, case.camera) @ inverse_rigid(mesh_from_model)
         case = replace(case, cam_from_mesh=guess, posed=True, alignment=PoseRecord(INITIAL_GUESS))
         messages = [*messages, "the case has no pose and begins with an initial guess"]
+    messages = [*messages, *lens_doubts(case.distortion, case.camera)]
     frames = tuple(load_posed_frame(frame, mesh_from_model, name=case.path.name) for frame in case.every_frame)
     cam_from_model = case.cam_from_mesh @ mesh_from_model
     doubt = size_doubt(extents_of(mesh), UNIT_OF[case.mm_per_unit], case.camera, case.mesh.name)

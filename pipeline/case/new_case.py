@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.distortion import Distortion
+from ..camera.distortion import Distortion, lens_doubts
 from ..camera.intrinsics_file import CameraFile
 from ..camera.pinhole import PinholeCamera
 from ..camera.plausibility import fit_of
@@ -190,7 +190,8 @@ def _camera(file: CameraFile, frame: Frame, *, rescale: bool) -> tuple[PinholeCa
     else:
         # checks it for this size
         camera = file.camera(size_wh)
-    return camera, file.distortion_for(camera), doubts
+    lens = file.distortion_for(camera)
+    return camera, lens, [*doubts, *lens_doubts(lens, camera)]
 
 
 def _structure_lines(surface: SurfaceFolder, mesh: TriangleMesh, mm_per_unit: float) -> Iterator[str]:

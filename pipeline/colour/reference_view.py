@@ -26,7 +26,7 @@ from ..projection.z_buffer import inverse_depth_map
 from ..surface.mesh import TriangleMesh
 from ..transforms import transform_points
 from .fill import filled_colours
-from .lens_shading import LensShading, lens_doubts, without_light
+from .lens_shading import LensShading, lens_doubts, lit_by_lamp, without_light
 from .ray_tracer import RayTracer
 from .seen_frame import SeenFrame
 from .shading import ColouredSurface, SurfaceColour
@@ -89,11 +89,31 @@ def limited_to_incidence(reference: ReferenceView, max_incidence_deg: float) -> 
 
 def without_highlights(reference: ReferenceView, frames: Sequence[PosedFrame]) -> ReferenceView:
     """The same views, in which the highlights of their frames, and the pixels beside them, show nothing."""
-    views = []
-    for view, frame in zip(reference.views, frames, strict=True):
-        kept = view.valid & ~grown(highlights(frame.image, view.valid), 1)
-        views.append(replace(view, valid=kept, inverse_depth=view.inverse_depth * kept))
+    views = [
+        _limited_to(view, ~grown(highlights(frame.image, view.valid), 1))
+        for view, frame in zip(reference.views, frames, strict=True)
+    ]
     return replace(reference, views=tuple(views))
+
+
+def _limited_to(view: SeenFrame, pixels: np.ndarray) -> SeenFrame:
+    """The view, in which others than these ``(H, W)`` bool show nothing."""
+    kept = view.valid & pixels
+    return replace(view, valid=kept, inverse_depth=view.inverse_depth * kept)
+
+
+def _lit_views(reference: ReferenceView, light: LensShading) -> tuple[SeenFrame, ...]:
+    """The views, in which what lies in the shadow of their lamp shows nothing.
+
+    The law divides the colours there by light that the surface does not get: what is left is no albedo.
+    """
+    views = []
+    for view in reference.views:
+        lit, points = view.inverse_depth > 0, view.shown_points()
+        no_face = np.full(len(points), -2)
+        lit[lit] = lit_by_lamp(reference.mesh, light, no_face, points, view.cam_from_model) > 0
+        views.append(_limited_to(view, lit))
+    return tuple(views)
 
 
 def traced_surface(surface: ColouredSurface, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:
@@ -189,9 +209,11 @@ def unseen_colours_of(reference: ReferenceView, unseen: str) -> np.ndarray | Non
         return None
     if unseen != "fill":
         raise ValueError(f"expected neutral or fill, found {unseen!r}")
-    vertices = colour_vertices(reference.mesh, reference.views)
-    if vertices.covered.any():
-        return filled_colours(reference.mesh.vertices, reference.mesh.faces, vertices.rgb, vertices.covered)
+    lit = [_lit_views(reference, reference.light)] if reference.light is not None else []
+    for views in (*lit, reference.views):
+        vertices = colour_vertices(reference.mesh, views)
+        if vertices.covered.any():
+            return filled_colours(reference.mesh.vertices, reference.mesh.faces, vertices.rgb, vertices.covered)
     # no vertex of large triangles is in the frame
     mean = reference.view.image[reference.view.inverse_depth > 0].mean(axis=0)
     return np.broadcast_to(mean, reference.mesh.vertices.shape)

@@ -48,8 +48,6 @@ CAUCHY, LEAST_SCATTER = 2.5, 1e-9
 CELLS = 4
 """Cells along the surface's length: the errors of near points depend on one another, those of cells less."""
 FEWEST_POINTS = 200
-FEWEST_FRAMES = 4
-"""Frames of which two are left out, to choose the law."""
 GAIN = 0.97
 """More of the law is kept where what frames that were left out differ by falls below this part of it."""
 LAMP, VIGNETTING, BOTH = "lamp", "vignetting", "both"
@@ -60,7 +58,7 @@ LEAST_EXPLAINED, LARGEST_DEVIATION = 0.25, 0.1
 """A lamp explains so much of the shading at least, and its place is as sure, in working distances. Over several frames
 lamps explain 78 % and more, lights of rooms and suns nothing; of one frame, these end on a bound or are less sure."""
 LEAST_VIGNETTED = 0.5
-"""What vignetting without a lamp explains at least: 82 % and more of an endoscope's shading, up to 31 % in rooms."""
+"""What vignetting without a lamp explains at least: 65 to 89 % of an endoscope's shading, up to 44 % in rooms."""
 MOST_STRENGTH = 0.1
 """Where less of a lamp's light than this moves with the lens, by two deviations, several frames show that none does."""
 
@@ -75,7 +73,7 @@ class FoundLamp:
         The lamp.
     deviation_mm, ambient_deviation
         Standard deviations of its place along the camera's axes, and of the ambient part.
-    frames, points
+    frames
         How many took part.
     working_mm
         The working distance of the first frame.
@@ -93,7 +91,6 @@ class FoundLamp:
     deviation_mm: tuple[float, float, float]
     ambient_deviation: float
     frames: int
-    points: int
     working_mm: float
     strength: float
     strength_deviation: float
@@ -121,10 +118,10 @@ class FoundLamp:
         """Place, ambient part, vignetting and what they explain, in words."""
         explains = f"{max(self.explained, 0):.0%} of the shading of"
         frames = "the frame" if self.frames == 1 else f"{self.frames} frames"
-        power = f"{self.light.vignetting:.1f} ± {self.vignetting_deviation:.1f}"
-        field = f"vignetting, the cosine off the lens' axis to the {power}"
+        field = "vignetting, the cosine off the lens' axis to the "
+        field += f"{self.light.vignetting:.1f} ± {self.vignetting_deviation:.1f}"
         if self.light.lamp_cam_mm is None:
-            return f"{field}, explains {explains} {frames}, and no lamp beside it those that were left out"
+            return f"{field}, explains {explains} {frames}, and a lamp beside it no more"
         x, y, _ = self.light.lamp_cam_mm
         across, down = (f"{at:.1f} ± {sure:.1f}" for at, sure in zip((x, y), self.deviation_mm[:2], strict=True))
         return (
@@ -169,16 +166,15 @@ def lamp_of(sightings: ShadedPoints, mesh: TriangleMesh) -> FoundLamp:
         problem = _Problem(_compared(lit))
         values = problem.solved(values)
     found, law = problem.found(values), _chosen_law(lit, values)
-    if law == LAMP:
-        return found
-    vignetted = problem.with_vignetting(found, values, law)
-    return found if law == VIGNETTING and vignetted.explained < LEAST_VIGNETTED else vignetted
+    if law == LAMP and found.objection and found.frames > 1:
+        law = VIGNETTING
+    chosen = problem.with_vignetting(found, values, law)
+    least = max(LEAST_VIGNETTED, found.explained)
+    return found if law == VIGNETTING and chosen.explained < least else chosen
 
 
 def _chosen_law(lit: ShadedPoints, start: np.ndarray) -> str:
-    """The part of the law that tells most of frames that were left out."""
-    if len(lit.poses) < FEWEST_FRAMES:
-        return LAMP
+    """The part of the law that tells most of frames that were left out, two at least; the lamp if there are fewer."""
     halves = [lit.where(lit.frame % 2 == half).shared() for half in (0, 1)]
     if min(len(np.unique(half.point)) for half in halves) < FEWEST_POINTS:
         return LAMP
@@ -188,8 +184,7 @@ def _chosen_law(lit: ShadedPoints, start: np.ndarray) -> str:
         values = fitted.solved(start)
         lamp = fitted.found(values)
         for law in left_over:
-            light = (lamp if law == LAMP else fitted.with_vignetting(lamp, values, law)).light
-            left_over[law] += left_out.left_over(light)
+            left_over[law] += left_out.left_over(fitted.with_vignetting(lamp, values, law).light)
     chosen = LAMP
     for law in (VIGNETTING, BOTH):
         chosen = law if left_over[law] < GAIN * left_over[chosen] else chosen
@@ -265,7 +260,6 @@ class _Problem:
             deviation_mm=(float(deviation[X]), float(deviation[Y]), GRANTED[Z] * self._working_mm),
             ambient_deviation=float(deviation[AMBIENT]),
             frames=len(self._seen.poses),
-            points=len(np.unique(self._seen.point)),
             working_mm=self._working_mm,
             strength=strength,
             strength_deviation=MISFIT * float(np.sqrt((scores**2).sum())) / weight,
@@ -273,7 +267,9 @@ class _Problem:
         )
 
     def with_vignetting(self, found: FoundLamp, values: np.ndarray, law: str) -> FoundLamp:
-        """What is found, with the vignetting that fits best beside the lamp of the parameters, or in its place."""
+        """What is found, by a law: vignetting is what fits best beside the lamp of the parameters, or in its place."""
+        if law == LAMP:
+            return found
         told = self._seen.log_light - (self._log_shading(values) if law == BOTH else 0)
         exponent = 0.0
         for _ in range(REWEIGHTED):

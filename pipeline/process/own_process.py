@@ -18,6 +18,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import IO, NoReturn, TextIO
 
+from ..errors import printable
 from ..files.lock import lock_by_system
 
 STOPPING_SECONDS = 5.0
@@ -27,6 +28,8 @@ ENDING_SIGNALS = tuple(
 )
 STDOUT = "the standard output"
 """The name of the standard output in an :class:`OSError`."""
+ERASE_LINE = "\x1b[K"
+"""A terminal's code, from the cursor on."""
 
 _received: list[int] = []
 _settled: list[bool] = []
@@ -69,10 +72,19 @@ class _StandardOutput(io.FileIO):
         return written
 
 
+class _PrintableText(io.TextIOWrapper):
+    """Text that shows what it holds, but for line ends and the codes of the bar of progress."""
+
+    def write(self, text: str) -> int:
+        """Write it; names of files come in many messages."""
+        super().write(ERASE_LINE.join(printable(part, kept="\n\r\t") for part in text.split(ERASE_LINE)))
+        return len(text)
+
+
 def _named_output(number: int, encoding: str, *, closefd: bool = True) -> TextIO:
     # unbuffered: a buffer would fail once more at exit if the reader has gone
     raw = _StandardOutput(number, "wb", closefd=closefd)
-    return io.TextIOWrapper(raw, encoding=encoding, errors="backslashreplace", write_through=True)  # type: ignore[type-var]
+    return _PrintableText(raw, encoding=encoding, errors="backslashreplace", write_through=True)  # type: ignore[type-var]
 
 
 def own_output() -> TextIO:
@@ -231,4 +243,4 @@ def stopped_message(number: int, message: str) -> str:
 def print_error(error: object) -> None:
     """Print an error as one line on standard error."""
     with suppress(OSError):
-        sys.stderr.write("error: " + " ".join(str(error).split()) + "\n")
+        sys.stderr.write("error: " + " ".join(printable(str(error)).split()) + "\n")

@@ -34,12 +34,6 @@ class DistortedView:
                 raise InputError(f"view {view.index}: expected coefficients, as the frame had no distortion")
             coefficients = list(found.values())
         self._lens = checked_distortion(coefficients, camera, f"view {view.index}: distortion")
-        corners = np.array([(0, 0), (camera.width - 1, camera.height - 1)])
-        if self._lens and np.abs(distorted_pixels(camera, self._lens, corners) - corners).max() > max(camera.size_wh):
-            raise InputError(
-                f"view {view.index}: distortion: expected coefficients of a lens, found {coefficients!r}, which move "
-                "the corners by more than the image; use OpenCV's order [k1, k2, p1, p2, k3]"
-            )
         self.view, self.coefficients, self._size_wh = view, tuple(coefficients), camera.size_wh
 
     @cached_property

@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 
 from ..dataset.check.check_dataset import CheckReport
-from ..dataset.check.findings import printable
 from ..dataset.dataset_file import Description, read_description
 from ..dataset.layout import RECORD, ViewPaths, evenly_spaced, largest_view_file
 from ..dataset.run.resume_record import ViewRecord, read_record
@@ -162,4 +161,4 @@ def _check(check: CheckReport | None, problems: list[str]) -> str:
 
 def _shown(error: object, root: Path) -> str:
     """A message with paths relative to the folder: a page that is passed on tells nothing of this computer."""
-    return printable(str(error).replace(f"{root}/", "").replace(str(root), root.name))
+    return str(error).replace(f"{root}/", "").replace(str(root), root.name)

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from .. import __version__
+from ..errors import printable
 
 
 @dataclass(frozen=True)
@@ -58,12 +59,13 @@ class Item:
     def data(self) -> dict[str, object]:
         """For the page."""
         pictures = [None if each is None else base64.b64encode(each).decode() for each in self.pictures]
-        return {"name": self.name, "pictures": pictures, "note": self.note, "state": self.state, **self.figures}
+        words = {"name": self.name, "note": self.note, "state": self.state}
+        return {"pictures": pictures, **{key: printable(text) for key, text in words.items()}, **self.figures}
 
 
 def escaped(text: object) -> str:
     """Text of a file for use in HTML, also within quotes."""
-    return html.escape(str(text), quote=True)
+    return html.escape(printable(str(text)), quote=True)
 
 
 def html_page(

@@ -91,10 +91,9 @@ def measured(image: np.ndarray, previous: np.ndarray | None = None) -> FrameMeas
     details = np.sqrt(energy / (brightness**2 + (0.2 * luma) ** 2))
     details[covered > _COVERED_CELL] = 0
     motion = 0.0 if previous is None else motion_px(view, previous)
-    covered_part, glare_part, lightest_part = (
-        float(each.mean()) for each in (cold, glare, highlights(view / np.float32(255)))
-    )
-    return FrameMeasures(details.astype(np.float16), luma, bright, covered_part, glare_part, lightest_part, motion)
+    white = highlights(view / np.float32(255))
+    shares = float(cold.mean()), float(glare.mean()), float(white.mean())
+    return FrameMeasures(details.astype(np.float16), luma, bright, *shares, motion)
 
 
 def foreign(view: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

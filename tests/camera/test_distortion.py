@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from oneframe.camera.distortion import Distortion, checked_distortion, undistort
+from oneframe.camera.distortion import Distortion, checked_distortion, lens_doubts, undistort
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.errors import InputError
 
@@ -43,7 +43,7 @@ def test_undistorted_frame_is_opencvs(values):
 
 @given(coefficients)
 def test_accepted_distortions_can_be_inverted(values):
-    """A distortion that is not refused is one to one: OpenCV's iterative inverse recovers every pixel."""
+    """Within its reach a distortion is one to one: OpenCV's iterative inverse recovers every pixel."""
     camera = PinholeCamera(64, 48, 60.0, 60.0, 31.5, 23.5)
     assume(any(values))
     try:
@@ -51,9 +51,28 @@ def test_accepted_distortions_can_be_inverted(values):
     except InputError:
         assume(False)
     ideal = camera.rays_cam(camera.pixel_grid().reshape(-1, 2))[:, :2]
+    ideal = ideal[np.hypot(*ideal.T) < distortion.reach(camera)]
     distorted = distortion.distort(ideal)
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-12)
     back = cv2.undistortPointsIter(distorted[:, None], np.eye(3), np.array(values), np.eye(3), np.eye(3), criteria)
     error = np.abs(distortion.distort(back[:, 0]) - distorted).max(axis=1)
     # where its iteration converges, it returns the initial point
     assert np.abs(back[:, 0] - ideal)[error < 1e-12].max(initial=0) < 1e-6
+
+
+def test_beyond_a_fold_outside_the_picture_the_frame_is_masked():
+    """A laparoscope's lens, whose coefficients hold within its round view alone."""
+    camera = PinholeCamera(480, 270, 238.0, 238.0, 220.6, 137.9)
+    lens = checked_distortion([-0.23185, 0.34051, 0, 0, -0.2386], camera, "K")
+    _, inside = undistort(np.ones((*camera.shape_hw, 3), np.float32), camera, lens)
+    radii = np.hypot(*(camera.pixel_grid() - [camera.cx, camera.cy]).reshape(-1, 2).T).reshape(camera.shape_hw)
+    steps = np.linspace(0, 1.5, 1001)
+    fold_px = camera.fx * steps[lens.distort(np.stack([steps, 0 * steps], -1))[:, 0].argmax()]
+    assert not inside[radii > fold_px].any()
+    assert inside[radii < 0.97 * fold_px].mean() > 0.99
+    assert "what lies beyond, 5% of the frame, is masked" in lens_doubts(lens, camera)[0]
+
+
+def test_principal_point_on_a_corner_is_no_fold():
+    camera = PinholeCamera(64, 48, 300.0, 300.0, 0.0, 0.0)
+    assert checked_distortion([0.05, 0, 0, 0, 0], camera, "K") is not None

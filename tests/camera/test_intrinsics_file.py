@@ -166,9 +166,10 @@ def test_colmap_and_nerf_count_from_the_corner(tmp_path):
 def test_distortion_is_checked_for_its_camera(tmp_path):
     file = read(tmp_path, ALL["ros yaml"](K))
     assert file.distortion_for(file.camera(SIZE)).p2 == DISTORTION[3]
-    folded = read(tmp_path, as_json(K=K.tolist(), dist=[-1000.0, 0.0, 0.0, 0.0]))
-    with pytest.raises(InputError, match="folds it over"):
-        folded.distortion_for(folded.camera(SIZE))
+    for coefficients in ([-1000.0, 0.0, 0.0, 0.0], [1e6, 0.0, 0.0, 0.0]):
+        folded = read(tmp_path, as_json(K=K.tolist(), dist=coefficients))
+        with pytest.raises(InputError, match="folds most of it over, or moves it by more than its size"):
+            folded.distortion_for(folded.camera(SIZE))
 
 
 BAD = {
@@ -218,7 +219,7 @@ BAD = {
     "XML of another kind": ("<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>", "a document type"),
     "YAML that grows": (
         "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}' if i else '1'] * 9)}]\n" for i in range(30)),
-        "YAML",
+        r"it names a list again, as \*id001: write each list out",
     ),
     "COLMAP's fisheye": ("1 OPENCV_FISHEYE 640 480 500 500 320 240 0 0 0 0", "found OPENCV_FISHEYE; undistort"),
     "broken YAML": ("%YAML:1.0\n---\nK: [1, 2\n", "expected YAML, cannot read it"),
@@ -279,7 +280,7 @@ def test_a_resized_image_gets_a_rescaled_camera(size):
         (camera_file(k_of(35.0, 35.0, 959.5, 539.5)), SIZE, "a field of view of 176°, .* in millimetres"),
         (camera_file(k_of(1e6, 1e6, 959.5, 539.5)), SIZE, "a field of view of 0.11°"),
         (camera_file(k_of(5000.0, 5600.0, 959.5, 539.5)), SIZE, "fx = 5000 and fy = 5600 differ by 11%"),
-        (camera_file(k_of(2.7, 4.8, 0.5, 0.5), None), SIZE, "K seems to be given relative to the image's size"),
+        (camera_file(k_of(2.7, 4.8, 0.5, 0.5), None), SIZE, "multiply a part of the image's size by that size"),
     ],
 )
 def test_what_does_not_fit_gives_a_message(file, size, message):

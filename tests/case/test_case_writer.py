@@ -97,7 +97,7 @@ poses = st.tuples(*[st.floats(-4, 4)] * 3, lengths, lengths, lengths).map(
 )
 
 
-distortions = maybe(st.just(Distortion(1e-9, -1e-9, 1e-9, 0.0, 1e-12)))
+distortions = maybe(st.just(Distortion(1e-30, -1e-45, 1e-30, 0.0, 1e-60)))
 
 
 def further_frames(folder: Path):

@@ -1,5 +1,6 @@
 """Every file is read by one ladder of errors, each of which says what was expected, what was found, where and why."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -131,3 +132,8 @@ def test_names_of_content(tmp_path):
         if not name.startswith("missing"):
             (tmp_path / name).write_bytes(b"pixels")
         assert not is_content_named(tmp_path / name)
+
+
+def test_messages_show_what_a_name_holds(tmp_path):
+    with pytest.raises(InputError, match=re.escape(r"c\u202egpj\x1b[31m é面.png: expected a mask")):
+        read_content(tmp_path / "c\u202egpj\x1b[31m é面.png", "a mask")

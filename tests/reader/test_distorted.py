@@ -54,7 +54,7 @@ def test_truths_move_as_opencv_distorts_points(view, coefficients):
 def test_a_distortion_is_checked_and_found_in_the_dataset(view):
     with pytest.raises(InputError, match="view 0: distortion: expected five finite numbers"):
         DistortedView(view, "no")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="move the corners by more than the image"):
+    with pytest.raises(InputError, match="or moves it by more than its size"):
         DistortedView(view, (1000.0, 0.0, 0.0, 0.0, 0.0))
     with pytest.raises(InputError, match="view 0: expected coefficients, as the frame had no distortion"):
         DistortedView(view)

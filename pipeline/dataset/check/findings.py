@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ...errors import InputError, RunError
+from ...errors import InputError, RunError, printable
 
 SHOWN, SHOWN_OF_A_KIND = 20, 5
 LONGEST = 500
@@ -28,7 +28,8 @@ class Findings:
         self.counts[kind] = self.counts.get(kind, 0) + 1
         kept = self.first.setdefault(kind, [])
         if len(kept) < SHOWN:
-            kept.append(printable(str(message).replace(f"{self.root}/", "")))
+            text = str(message).replace(f"{self.root}/", "")
+            kept.append(printable(text if len(text) <= LONGEST else text[: LONGEST - 3] + "...", kept=""))
 
     @contextmanager
     def collecting(self, kind: str) -> Iterator[None]:
@@ -55,12 +56,3 @@ class Findings:
             if more:
                 lines.append(f"... and {more} more {kind}")
         return lines
-
-
-def printable(text: str) -> str:
-    """A text that any terminal shows on one line: names of files can hold line breaks, escapes and broken UTF-8."""
-    text = text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
-    return "".join(
-        character if character.isprintable() else character.encode("unicode_escape", "surrogatepass").decode()
-        for character in text
-    )

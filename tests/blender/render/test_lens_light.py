@@ -10,7 +10,7 @@ import trimesh
 from oneframe.blender.render.engines import opened_engine, reference_view_of
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.lens_shading import LensShading, lens_shading_of
-from oneframe.colour.reference_view import colours_of
+from oneframe.colour.reference_view import colours_of, unseen_colours_of
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.description import describe
 from oneframe.dataset.options import COLOURS, DatasetOptions
@@ -155,6 +155,20 @@ def test_shadows_are_where_rays_say_and_the_frame_comes_back(
             np.testing.assert_array_equal(view.rgb[~dark], full.rgb[~dark])
         back = frame(frontal_pose)
     assert np.abs(back.rgb - loaded.frame.image)[back.observed].max() < 1e-5
+
+
+@pytest.mark.parametrize("shadows", [False, True])
+def test_what_lies_in_the_lamps_shadow_colours_nothing_unseen(shadows, stepped_mesh, frontal_pose, lit_case):
+    """A grey step with a bright shadow, as walls throw light into it, is grey where the frame did not see it."""
+    light = LensLight((-120.0, 60.0, 0.0), 0.3)
+    loaded = lit_case(stepped_mesh, np.zeros((48, 64, 3), np.float32), frontal_pose, CAMERA, light=light)
+    lens = lens_shading_of(loaded, shadows=True)
+    looks = [ColouredSurface(stepped_mesh, light=each) for each in (lens, replace(lens, shadows=False))]
+    with ExitStack() as opened:
+        shadowed, lit = (opened.enter_context(opened_engine("raster", each, CAMERA))(frontal_pose) for each in looks)
+    image = np.where(shadowed.rgb < lit.rgb - 1e-4, np.float32(0.9), shadowed.rgb)
+    seen = albedo_of(replace(loaded, frames=(replace(loaded.frame, image=image),)), shadows=shadows)
+    np.testing.assert_allclose(unseen_colours_of(seen, "fill"), 0.5, atol=1e-3)
 
 
 def test_flipped_faces_are_shaded_as_those_around_them(bumpy_mesh, oblique_pose, rng):

@@ -154,7 +154,7 @@ def render_dataset(case: Case, out: Path | str, *, workers: int = 0, **options: 
             raise InputError(f"{where}: unknown option {name!r}; {nearest_name(name, known)}")
         if isinstance(value, os.PathLike | np.generic):
             options[name] = os.fspath(value) if isinstance(value, os.PathLike) else value.item()
-    chosen = merged_options(case.dataset, options, case.path, lit=case.light is not None, where=where)
+    chosen = merged_options(case.dataset, options, case.path, light=case.light, where=where)
     check_folder(folder, case.input_files() | input_files(case, chosen))
     arguments = [str(case.path), f"--out={folder}", *option_arguments(chosen)]
     command = [*own_command(), *arguments, "--worker"]

@@ -146,7 +146,7 @@ def _job(arguments: argparse.Namespace) -> "Job":
     from ..dataset.run.run_folder import parse_shard
 
     case = read_case(arguments.case)
-    options = merged_options(case.dataset, vars(arguments), arguments.case, lit=case.light is not None)
+    options = merged_options(case.dataset, vars(arguments), arguments.case, light=case.light)
     return Job(case, arguments.out, options, parse_shard(arguments.shard))
 
 

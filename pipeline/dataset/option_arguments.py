@@ -5,9 +5,12 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .options import (
     FOR_TRAINING,
+    LENS,
+    NONE,
     OPTIONS,
     PATHS,
     DatasetOptions,
@@ -15,6 +18,9 @@ from .options import (
     checked_values,
     option_groups,
 )
+
+if TYPE_CHECKING:
+    from ..light.lens_light import LensLight
 
 
 def add_option_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,8 +46,9 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
         if title == "views":
             group.add_argument(
                 "--for-training", action="store_true", default=argparse.SUPPRESS,
-                help="what networks learn from most: " + ", ".join(f"--{key} {it}" for key, it in FOR_TRAINING.items())
-                + " if the case has [light]; an option beside it counts more",
+                help="what networks learn from most: "
+                + ", ".join(f"{OPTIONS[key].flag} {value}" for key, value in FOR_TRAINING.items())
+                + ", of the light what [light] and the engine have; an option beside it counts more",
             )  # fmt: skip
 
 
@@ -78,18 +85,21 @@ def merged_options(
     arguments: Mapping[str, object],
     case_path: Path,
     *,
-    lit: bool = False,
+    light: "LensLight | None" = None,
     where: str = "command line",
 ) -> DatasetOptions:
     """Options of a run: its arguments take precedence over the case file's [dataset] table; others are passed over.
 
-    ``lit`` is whether the case has a lamp at the lens, for ``for_training``; ``where`` begins messages on arguments.
+    ``light`` is the case's, for ``for_training``; ``where`` begins messages on arguments.
     """
     from_table = checked_values(table, f"{case_path.name}: [dataset]")
     for name in PATHS & from_table.keys():
         from_table[name] = str(case_path.parent / str(from_table[name]))
     given = {name: arguments[name] for name in OPTIONS if name in arguments}
     if arguments.get("for_training"):
-        given = {name: value for name, value in FOR_TRAINING.items() if lit or name != "light"} | given
+        has_shadows = light is not None and light.lamp_cam_mm is not None
+        has_shadows &= given.get("engine", from_table.get("engine")) != "eevee"
+        fullest = {"light": FOR_TRAINING["light"] if has_shadows else NONE if light is None else LENS}
+        given = FOR_TRAINING | fullest | given
     # combinations only now: the command line may resolve a conflict in the table
     return checked_together({**from_table, **checked_values(given, where)}, "options")

@@ -38,8 +38,10 @@ SURROUNDINGS = {
     FRAME: "what the frame shows there, on a sheet that continues the surface; mask_surround alone has it",
 }
 EYES = {LEFT: "the poses themselves", RIGHT: "beside them"}
-FOR_TRAINING = {"unseen": "fill", "highlights": DROP, "surroundings": FRAME, "light": LENS}
-"""What networks learned from most, see ``docs/training.md``; the light of cases with a lamp."""
+FOR_TRAINING: dict[str, object] = {
+    "unseen": "fill", "highlights": DROP, "surroundings": FRAME, "light": SHADOWS, "max_incidence_deg": 80.0
+}  # fmt: skip
+"""What networks learned from most, see ``docs/training.md``; the light as far as case and engine have it."""
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,15 @@ from oneframe.dataset.options import (
 from oneframe.dataset.run.run_folder import Shard, parse_shard
 from oneframe.dataset.truths import TRUTHS
 from oneframe.errors import InputError
+from oneframe.light.lens_light import LensLight
 
 CASE = Path("folder/case.toml")
 
 
-def merged(table: dict, *argv: str, lit: bool = False) -> DatasetOptions:
+def merged(table: dict, *argv: str, light: LensLight | None = None) -> DatasetOptions:
     parser = argparse.ArgumentParser(exit_on_error=False)
     add_option_arguments(parser)
-    return merged_options(table, vars(parser.parse_args(argv)), CASE, lit=lit)
+    return merged_options(table, vars(parser.parse_args(argv)), CASE, light=light)
 
 
 def test_command_line_goes_before_the_table_and_that_before_the_defaults():
@@ -41,11 +42,14 @@ def test_command_line_goes_before_the_table_and_that_before_the_defaults():
 
 def test_for_training_gives_way_to_what_is_said_beside_it():
     assert {truth.option for truth in TRUTHS.values()} <= {"", *OPTIONS}
-    training = DatasetOptions(unseen="fill", highlights="drop", surroundings="frame")
+    training = DatasetOptions(unseen="fill", highlights="drop", surroundings="frame", max_incidence_deg=80.0)
     assert merged({"unseen": "neutral"}, "--for-training") == training
-    assert merged({}, "--for-training", lit=True) == dataclasses.replace(training, light="lens")
-    but = "--unseen", "neutral", "--highlights", "keep", "--surroundings", "none"
-    assert merged({}, *but, "--for-training", lit=True) == DatasetOptions(light="lens")
+    lamp, spot = LensLight((0, 0, 0), 0.1), LensLight(None, 1.0, vignetting=2.0)
+    for light, engine, expected in ((lamp, "raster", "shadows"), (lamp, "eevee", "lens"), (spot, "raster", "lens")):
+        options = merged({"engine": engine}, "--for-training", light=light)
+        assert options == dataclasses.replace(training, engine=engine, light=expected)
+    but = "--unseen", "neutral", "--highlights", "keep", "--surroundings", "none", "--max-incidence-deg", "87"
+    assert merged({}, *but, "--light", "lens", "--for-training", light=lamp) == DatasetOptions(light="lens")
 
 
 def legal_and_not(entry: Option) -> tuple[list[object], list[object]]:

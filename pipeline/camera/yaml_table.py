@@ -19,7 +19,7 @@ class _Loader(yaml.CSafeLoader):
     Scalars stay texts: YAML 1.1 takes 0120 for 80, and 20:00 for 1200.
     """
 
-    yaml_implicit_resolvers = {}  # noqa: RUF012  # as PyYAML has it
+    yaml_implicit_resolvers: dict[str, list[Any]] = {}  # noqa: RUF012  # as PyYAML has it
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, object]:
         keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]

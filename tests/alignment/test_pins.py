@@ -38,12 +38,6 @@ def shown(camera, pose, points):
     return camera.project(transform_points(pose, points))
 
 
-@given(seeds, cameras, st.integers(1, 8))
-def test_pins_where_they_are_change_nothing(seed, camera, count):
-    _, points, pose, pixels = scene(seed, camera, count)
-    assert pull_pins(points, pixels, camera, pose, PIVOT) == pytest.approx(pose, abs=1e-6)
-
-
 @given(seeds, cameras)
 def test_one_pin_shifts_parallel_to_the_image(seed, camera):
     rng, points, pose, pixels = scene(seed, camera, 1)

@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,8 +14,9 @@ from oneframe.registration.verdict import ACCEPTED, REFUSED
 from scripts.benchmarks.alignment.registration_trials import RegistrationTrial, share
 from scripts.benchmarks.charts.stability_charts import CHARTS
 from scripts.benchmarks.figures import conditions_note, read_rows, write_rows
+from scripts.benchmarks.learning.pose_trials import PoseTrial, Training, median_errors
 from scripts.benchmarks.sweeps.cells import ANSWERS, Cell, Outcome
-from scripts.benchmarks.sweeps.degradations import DEGRADATIONS
+from scripts.benchmarks.sweeps.landmarks import OURS, SWEEPS, Sweep, measure
 
 IMG = Path(__file__).resolve().parents[2] / "docs" / "img"
 CONDITIONS = current_conditions({"seed": 3, "note": "two\nlines"}, blender="5.2.0")
@@ -34,7 +34,6 @@ outcomes = st.builds(
     Outcome, answer=st.sampled_from(ANSWERS), error=st.floats(0, 1e6) | st.just(math.nan), wrong=st.booleans(),
     message=st.text(max_size=300), value=st.floats(-1e6, 1e6) | st.just(math.nan),
 )  # fmt: skip
-# few different values, so that ties are frequent
 
 
 @settings(max_examples=30)
@@ -57,14 +56,11 @@ def test_a_cell_counts_its_trials(found):
     assert not cell.error > cell.error_95
 
 
-@pytest.mark.parametrize("name", DEGRADATIONS)
-def test_frames_get_worse_with_the_amount(name, rng):
-    how, image = DEGRADATIONS[name], cv2.GaussianBlur(rng.random((120, 160, 3)).astype(np.float32), (0, 0), 2)
-    changes = [np.abs(how.spoil(image, each, np.random.default_rng(1)) - image).mean() for each in how.amounts]
-    clean = how.amounts.index(how.clean)
-    assert changes[clean] < 0.02
-    assert np.all(np.diff(changes[clean:]) > 0)
-    assert np.all(np.diff(changes[: clean + 1]) < 0)
+def test_a_cell_depends_on_its_seed_alone():
+    sweep = Sweep("number", "count", (5, 8), SWEEPS[0].others)
+    one, again, other = (measure(sweep, 0, 1600.0, seed, quick=True) for seed in (1, 1, 2))
+    assert [repr(cell) for cell in one] == [repr(cell) for cell in again] != [repr(cell) for cell in other]
+    assert {cell.series for cell in one} == {OURS, "EPnP", "SQPnP + LM"}
 
 
 def test_trials_of_one_source_go_together():
@@ -91,3 +87,26 @@ def test_of_documented_poses_that_are_accepted_one_percent_is_wrong():
     assert "quick False" in "".join(conditions)
     accepted = [row for row in rows if row.state == ACCEPTED]
     assert sum(row.wrong for row in accepted) <= 0.01 * len(accepted)
+
+
+def test_errors_beside_another_training_are_paired_by_photograph():
+    rng = np.random.default_rng(0)
+    few, many = (Training("scene", name, 10, 20, 0) for name in ("views", "photographs"))
+    hard, seeds = np.exp(rng.normal(0, 2, 9)), np.exp(rng.normal(0, 0.1, 3))
+
+    def trials(training: Training, times: float, seeds: np.ndarray) -> list[PoseTrial]:
+        return [
+            PoseTrial(*training._replace(seed=seed), 1.0, f"{number}.png", 1.0, 1.0, times * of_seed * error)
+            for seed, of_seed in enumerate(seeds)
+            for number, error in enumerate(hard)
+        ]
+
+    alike = [*trials(few, 3.0, np.ones(1)), *trials(many, 1.0, np.ones(1))]
+    assert median_errors(alike, few, "px", many) == pytest.approx((3.0, 3.0, 3.0))
+    middle, low, high = median_errors(alike, few, "px")
+    assert middle == pytest.approx(3 * np.median(hard))
+    assert high > 2 * low
+    several = [*trials(few, 3.0, seeds), *trials(many, 1.0, seeds)]
+    middle, low, high = median_errors(several, few, "px", many)
+    assert middle == pytest.approx(3.0)
+    assert 2 < low < middle < high < 4

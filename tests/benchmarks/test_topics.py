@@ -12,12 +12,7 @@ import pytest
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.light.lens_light import LensLight
-from oneframe.surface.mesh_reader import read_mesh
-from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid
-from scripts.benchmarks.rendering.render_accuracy import converged_reference, measure_scene
-from scripts.benchmarks.rendering.render_scenes import case_scene
-from scripts.benchmarks.rendering.speed_accuracy import OURS, Configuration
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "benchmark.py"
 REGISTRATION = ("registration_grid", "stability_registration")
@@ -76,18 +71,3 @@ def test_a_quick_form_writes_its_files(form, tmp_path, write_tiny_case):
     assert topic == "evaluation" or made.keys() == expected
     if topic == "stability":
         assert run("--redraw") == made
-
-
-@pytest.mark.render
-def test_views_of_a_case_in_metres_are_as_near_to_their_reference(tmp_path, write_tiny_case):
-    path = write_tiny_case(tmp_path / "case")
-    case = read_case(path)
-    write_ply(case.mesh, read_mesh(case.mesh)[0].scaled(0.001))
-    write_case(path, replace(case, mm_per_unit=1000.0))
-    scene = case_scene("tiny", path, None, views=12, seed=0)
-    reference = converged_reference(scene, 3, lambda: None)
-    configurations = [Configuration(mesh_px=mesh_px, processes=1) for mesh_px in (0.0, 0.1)]
-    points = measure_scene(scene, reference, configurations, {}, tmp_path, 1, lambda: None)
-    errors = [point.error for point in points if point.kind == OURS]
-    assert len(errors) == 2
-    assert max(errors) < 2

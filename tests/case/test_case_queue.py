@@ -56,17 +56,6 @@ def test_a_frame_is_added_once_and_never_over_anothers_work(like, tmp_path):
     assert len(queued_cases(queue)) == 2
 
 
-def test_a_frame_called_like_the_first_is_refused(like, tmp_path):
-    first = replace(like, path=tmp_path / "queue" / "frame" / "case.toml")
-    assert add_frames(tmp_path / "queue", first, [NewFrame(like.image)]) == [first.path]
-    other = image_of(tmp_path / "Frame.png", like.camera.size_wh)
-    for folder in (tmp_path / "queue", tmp_path / "new"):
-        again = replace(first, path=folder / "frame" / "case.toml")
-        with pytest.raises(InputError):
-            add_frames(folder, again, [NewFrame(other)])
-    assert not (tmp_path / "new").exists()
-
-
 def test_images_of_the_same_proportions_scale_k(like, tmp_path):
     width, height = like.camera.size_wh
     (path,) = add_frames(

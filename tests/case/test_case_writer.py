@@ -13,7 +13,7 @@ from oneframe.camera.distortion import Distortion
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import Case, Structure, read_case
-from oneframe.case.case_writer import relative_name, write_case
+from oneframe.case.case_writer import write_case
 from oneframe.case.frame import UnreadFrame
 from oneframe.case.landmarks import Landmark
 from oneframe.case.pose_record import PoseRecord
@@ -179,14 +179,6 @@ def test_saved_elsewhere_a_case_names_the_same_files(tmp_path):
     again = read_case(path)
     assert (again.image.resolve(), again.mesh.resolve()) == (case.image, case.mesh)
     assert again.dataset == {"poses": "../../bone/poses.npy", "count": 3}
-
-
-def test_a_linked_folder_does_not_lead_astray(tmp_path):
-    (tmp_path / "far/away/cases").mkdir(parents=True)
-    (tmp_path / "cases").symlink_to(tmp_path / "far/away/cases", target_is_directory=True)
-    (tmp_path / "surface.ply").touch()
-    name = relative_name(tmp_path / "surface.ply", tmp_path / "cases")
-    assert (tmp_path / "cases" / name).samefile(tmp_path / "surface.ply")
 
 
 BAD = {

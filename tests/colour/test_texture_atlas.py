@@ -10,7 +10,6 @@ from oneframe.colour.vertex_colours import NEUTRAL
 from oneframe.errors import InputError
 from oneframe.images.pixel_values import sample_bilinear
 from oneframe.projection.z_buffer import rasterise_depth
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_from_vector
 from tests.colour.test_seen_frame import Points, ball
 from tests.conftest import grid_mesh, joined
@@ -102,12 +101,3 @@ def test_a_texture_beyond_the_limit_is_refused(rng):
         InputError, match=r"texture: expected at most 50x50 texels, found \d+x\d+ .*; use vertex colours"
     ):
         bake_atlas(mesh, [view_of(mesh, POSE, rng)], max_size=50)
-
-
-def test_a_floor_that_passes_under_the_camera_has_no_texture():
-    vertices = np.array([[-900.0, 120, -600], [900, 120, -600], [900, 120, 900], [-900, 120, 900]])
-    mesh = TriangleMesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
-    everywhere = np.ones(CAMERA.shape_hw, np.float32)
-    image = np.zeros((*CAMERA.shape_hw, 3), np.float32)
-    view = SeenFrame(image, everywhere > 0, CAMERA, POSE, inverse_depth=everywhere)
-    assert not bake_atlas(mesh, [view]).seen.any()

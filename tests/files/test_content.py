@@ -14,7 +14,6 @@ from oneframe.files.content import (
     content_named,
     is_content_named,
     read_content,
-    reading,
     remove_abandoned,
     write_bytes_atomically,
     written_file,
@@ -56,18 +55,6 @@ def test_what_cannot_be_read_is_one_message(tmp_path, make, where):
     assert place == where if where else place in (str(path), path.name)
     # the file is named whatever stands first, unless the file is there and its name does
     assert path.name in message or where
-
-
-def test_only_errors_of_the_file_are_turned(tmp_path):
-    path = tmp_path / "a"
-    path.write_bytes(b"x")
-    with pytest.raises(KeyError), reading(path, "a file"):
-        raise KeyError
-    with (
-        pytest.raises(InputError, match=r"expected a video, cannot read it \(Input/output error\)"),
-        reading(path, "a video"),
-    ):
-        raise OSError(5, "Input/output error")
 
 
 @given(st.binary(min_size=1, max_size=300))

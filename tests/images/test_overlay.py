@@ -121,21 +121,6 @@ def test_the_border_of_the_image_and_nearer_structures_are_no_outline():
     np.testing.assert_allclose(picture[5, 0], picture[120, 100])
 
 
-def test_only_where_it_is_clear(rng):
-    image = rng.integers(0, 255, (*SHAPE, 3), dtype=np.uint8)
-    clear = rng.random(SHAPE) > 0.3
-    lines = np.array([[[0.0, 0.0], [300.0, 200.0]]])
-    surface = SurfaceLayer(np.full(SHAPE, 300, np.float32), lines, lines[:, ::-1])
-    layer = plain_layer(disc((160, 120), 70), 302.0)
-    picture = draw_overlay(image, surface, [layer], clear=clear)
-    np.testing.assert_array_equal(picture[~clear], image[~clear])
-    everywhere = draw_overlay(image, surface, [layer])
-    np.testing.assert_array_equal(picture[clear], everywhere[clear])
-    # codes and values are drawn alike; codes are rounded after every stroke
-    values = draw_overlay(image / np.float32(255), surface, [layer])
-    assert np.abs(values * 255 - everywhere).max() < 2
-
-
 def block_letters(text: str, size: float) -> np.ndarray:
     return np.ones((int(np.ceil(1.1 * size)), max(int(0.5 * size * len(text)), 1)), np.float32)
 

@@ -1,10 +1,11 @@
-"""Values between pixels are bilinear inside the grid of centres, and nothing outside; codes and light go both ways."""
+"""Values between pixels are bilinear inside the grid of centres, nothing outside; codes and light; averages."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from oneframe.images.contact_sheet import downscaled
 from oneframe.images.pixel_values import among_centres, codes_from_linear, linear_from_codes, sample_bilinear, to_uint8
 from oneframe.images.transfer import TRANSFERS
 
@@ -33,3 +34,15 @@ def test_codes_and_light_go_both_ways(curve):
     assert light[0] == 0
     assert light[-1] == pytest.approx(1)
     assert np.array_equal(to_uint8(codes), np.arange(256))
+
+
+@pytest.mark.parametrize("width", [1, 35])
+def test_reduced_pixels_are_the_means_of_their_areas(rng, width):
+    image = rng.random((84, 36, 3), dtype=np.float32)
+    small = downscaled(image, width)
+    # every pixel repeated until both grids have common edges
+    height = small.shape[0]
+    fine = np.repeat(np.repeat(image.astype(float), height, axis=0), width, axis=1)
+    means = fine.reshape(height, 84, width, 36, 3).mean(axis=(1, 3))
+    assert small.shape == (round(84 * width / 36), width, 3)
+    assert small == pytest.approx(means, abs=1e-6)

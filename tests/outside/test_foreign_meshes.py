@@ -93,7 +93,7 @@ def by_blender(path: Path) -> Read:
     """Blender shows the vertex colours of a PLY: it reads textures of other formats only."""
     bpy = pytest.importorskip("bpy")
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    importer = {".obj": bpy.ops.wm.obj_import, ".ply": bpy.ops.wm.ply_import, ".glb": bpy.ops.import_scene.gltf}
+    importer = {".obj": bpy.ops.wm.obj_import, ".ply": bpy.ops.wm.ply_import}
     options = {".obj": {"forward_axis": "Y", "up_axis": "Z"}}
     importer[path.suffix](filepath=str(path), **options.get(path.suffix, {}))
     (item,) = (item for item in bpy.data.objects if item.type == "MESH")

@@ -16,7 +16,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.transforms import rigid
 from tests.conftest import intersect
-from tests.outside.foreign_datasets import OBJECT, scenes
+from tests.outside.foreign_datasets import scenes
 
 DELTA_MM = 15.0
 """Tolerance of the toolkit's test for visibility."""
@@ -67,17 +67,6 @@ def test_a_perfect_detector_scores_one_by_pycocotools(dataset):
             assert evaluated(truth, detections(scene), kind) == pytest.approx(1)
             assert evaluated(truth, itself, kind) == pytest.approx(1)
             assert evaluated(truth, detections(scene, shift_px=3), kind) < 0.9
-
-
-def test_the_rendered_dataset_has_what_readers_stumble_over(rendered_dataset):
-    """A name beyond ASCII, a whole surface, one that the image cuts, and none."""
-    ((_, scene),) = scenes(rendered_dataset)
-    (category,) = json.loads((scene / "scene_gt_coco_modal.json").read_text(encoding="utf-8"))["categories"]
-    assert category["name"] == OBJECT
-    fractions = [info["visib_fract"] for (info,) in json.loads((scene / "scene_gt_info.json").read_text()).values()]
-    assert min(fractions) == 0
-    assert max(fractions) == 1
-    assert any(0.1 < fraction < 0.9 for fraction in fractions)
 
 
 # --- BOP: the toolkit's rules in short

@@ -19,7 +19,6 @@ from oneframe.case.surface_folder import read_surface_folder
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
-from oneframe.surface.mesh_writer import write_ply
 from tests.alignment.test_refinement import hills
 from tests.packing.conftest import dataset  # noqa: F401
 from tests.registration.test_registration import SOURCE, photograph, seen_from, write_case
@@ -111,29 +110,6 @@ def test_register(frames):
     shutil.copytree(states[-3], out)
     run("another")
     assert set(tree(out)) == written
-
-
-def test_case_in_a_queue(frames):
-    queue, (first, second) = frames / "queue", ("0.png", "1.png")
-
-    def run(frame: list[Path], out: Path, *more: str) -> None:
-        given = ["--surface", frames / "surface.ply", "--structure", f"nerve={frames / 'nerve.ply'}", "--frame", *frame]
-        assert dispatch([*map(str, ["case", *given, "--camera", frames / "case.toml", "--out", out, *more])]) == 0
-
-    write_ply(frames / "nerve.ply", hills(2))
-    run([frames / "one" / first, frames / "one" / second], queue)
-    other = content(queue / "1" / "case.toml")
-    for name, seed in (("nerve.ply", 3), ("surface.ply", 4)):
-        write_ply(frames / name, hills(seed))
-    again = [frames / "another" / first]
-    check_states(
-        queue / "0",
-        lambda: run(again, queue / "0", "--overwrite"),
-        lambda folder: content(folder / "case.toml"),
-    )
-    # the frame before is gone, and what the queue's other case names is not
-    assert content(queue / "1" / "case.toml") == other
-    assert len(tree(queue / "0")) == 7
 
 
 def test_surface(tmp_path):

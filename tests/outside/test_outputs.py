@@ -206,23 +206,6 @@ def test_every_command_fails_with_a_sentence(run_all):
 
 
 @pytest.mark.render
-def test_temporary_folders_with_strange_names(case, tmp_path, run_command):
-    """Braces are a template to Blender, and two slashes the folder of its file."""
-    strange = tmp_path / "a {x} # <T>"
-    strange.mkdir()
-    out = tmp_path / "out {1}"
-    for options, arguments in (
-        # without docstrings and assertions it works as well
-        (["-OO"], ["render", case, "--out", out, "--count", "1", "--workers", "1", "--video", "--video-frames", "2"]),
-        ([], ["colour", case, "--out", out / "surface.glb"]),
-    ):
-        ended = run_command([sys.executable, *options, *PROGRAM[1:], *map(str, arguments)], TMPDIR=f"/{strange}")
-        assert (ended.returncode, ended.stderr) == (0, "")
-    assert (out / "video" / "trajectory.mp4").stat().st_size > 1000
-    assert not list(strange.iterdir())
-
-
-@pytest.mark.render
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_signals_end_a_command_with_a_sentence_and_without_leavings(case, tmp_path, number):
     if signal.getsignal(number) == signal.SIG_IGN:

@@ -136,15 +136,6 @@ def test_json_and_npy_of_any_number_type_give_the_same_poses(tmp_path, dtype, ke
         np.testing.assert_allclose(read @ inverse_rigid(GIVEN_FROM_MODEL), expected[:count], rtol=1e-12, atol=atol)
 
 
-def test_rounded_rotations_are_made_exact_and_reported_once(tmp_path):
-    np.save(tmp_path / "rounded.npy", some_poses().round(4))
-    poses, messages = read_poses(tmp_path / "rounded.npy", mesh_from_model=np.eye(4))
-    rotation = poses[:, :3, :3]
-    assert np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max() < 1e-12
-    assert len(messages) == 2
-    assert "4 other poses" in messages[1]
-
-
 class Malicious:
     """Makes a folder when it is unpickled."""
 

@@ -43,7 +43,8 @@ def test_rays_see_the_sphere_where_it_projects(pose, along):
     # the pivot is the seen point whose pixel is nearest to the middle
     offsets = np.linalg.norm(seen.pixels - seen.pixels.mean(axis=0), axis=1)
     (central,) = np.flatnonzero((seen.points_model == seen.pivot_model).all(axis=1))
-    assert offsets[central] == offsets.min()
+    # of equally near ones, any
+    assert offsets[central] == pytest.approx(offsets.min(), rel=1e-12)
     assert seen.radius_mm(seen.pivot_model) <= 2 * RADIUS
 
 

@@ -1,13 +1,9 @@
 """A view with a background and through a distorting lens: what each keeps, and that truths move with the image."""
 
-from dataclasses import astuple, replace
-from types import SimpleNamespace
-
 import cv2
 import numpy as np
 import pytest
 
-from oneframe.camera.distortion import Distortion, distorted_pixels
 from oneframe.errors import InputError
 from oneframe.reader import DistortedView, open_dataset, with_background
 from tests.dataset.synthetic_dataset import CAMERA
@@ -53,24 +49,6 @@ def test_truths_move_as_opencv_distorts_points(view, coefficients):
     inside = cv2.erode(view.mask.astype(np.uint8), np.ones((9, 9))) > 0
     inside[:20], inside[-20:], inside[:, :20], inside[:, -20:] = False, False, False, False
     assert np.abs(back.astype(int) - view.rgb)[inside].mean() < 3
-
-
-def test_beyond_a_barrel_there_is_nothing(view):
-    """Only pixels at which the lens puts a place of the view show something, and all of these."""
-    lens = Distortion(-0.5, 0.3, 0.0, 0.0, -0.05)
-    camera = replace(CAMERA, fx=45.0, fy=45.0)
-    files = SimpleNamespace(description=SimpleNamespace(camera=camera))
-    places = DistortedView(SimpleNamespace(files=files, index=0, k=camera.k), astuple(lens))._places
-    inside = ((places >= 0) & (places <= [CAMERA.width - 1, CAMERA.height - 1])).all(axis=-1)
-    v, u = np.mgrid[: CAMERA.height - 0.9 : 0.1, : CAMERA.width - 0.9 : 0.1]
-    reached = np.rint(distorted_pixels(camera, lens, np.stack([u, v], axis=-1))).astype(int).reshape(-1, 2)
-    expected = np.zeros(inside.shape, bool)
-    expected[tuple(reached.T[::-1])] = True
-    assert 0.1 < (~expected).mean() < 0.9
-    assert not (inside & ~expected).any()
-    assert not (expected & ~cv2.dilate(inside.astype(np.uint8), np.ones((3, 3))).astype(bool)).any()
-    back = distorted_pixels(camera, lens, places[inside])
-    np.testing.assert_allclose(back, GRID[inside], atol=0.02)
 
 
 def test_a_distortion_is_checked_and_found_in_the_dataset(view):

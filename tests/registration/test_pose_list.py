@@ -1,6 +1,5 @@
 """A list of poses gives back what it was written from, as does the record of a case; photographs have their poses."""
 
-import itertools
 import json
 from dataclasses import replace
 
@@ -12,7 +11,6 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.case.case_queue import ALIGNED, DOUBTFUL, NewFrame, add_frames, state_of
 from oneframe.case.pose_record import PoseRecord
-from oneframe.poses.view_spread import spread_views
 from oneframe.registration.pose_list import (
     encoded_list,
     pose_entry,
@@ -101,23 +99,3 @@ def test_a_pose_that_is_found_goes_to_a_case_without_one_alone(write_tiny_case, 
         case = read_case(path)
         assert case.alignment == PoseRecord("registered")
         assert case.cam_from_mesh[0, 3] - like.cam_from_mesh[0, 3] == pytest.approx(expected)
-
-
-def test_views_come_from_far_apart():
-    rng = np.random.default_rng(5)
-    poses = [pose_of(rng) for _ in range(9)]
-    views = np.array([inverse_rigid(pose)[:3, 3] for pose in poses])
-    views /= np.linalg.norm(views, axis=1, keepdims=True)
-    angles = np.arccos(np.clip(views @ views.T, -1, 1))
-
-    def narrowest(chosen):
-        return min(angles[one, other] for one, other in itertools.combinations(chosen, 2))
-
-    chosen = spread_views(poses[1:], 3, taken=poses[:1])
-    assert len(set(chosen)) == 3
-    all_of = [0, *(each + 1 for each in chosen)]
-    best = max(narrowest((0, *others)) for others in itertools.combinations(range(1, 9), 3))
-    # what is known of this rule
-    assert narrowest(all_of) >= best / 2
-    assert sorted(spread_views(poses, 20)) == list(range(9))
-    assert spread_views([], 3, poses) == []

@@ -14,7 +14,6 @@ from oneframe.case.landmarks import Landmark
 from oneframe.commands.__main__ import dispatch
 from oneframe.errors import InputError
 from oneframe.surface.mesh_reader import read_mesh
-from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import transform_points
 from tests.landmark_writer import write_landmarks
 from tests.remembered import refinement, remembered
@@ -98,24 +97,6 @@ def test_a_case_without_a_pose_gets_one_from_landmarks_alone(case_path, tmp_path
     assert (ended.returncode, ended.stderr.count("expected a pose or landmarks, found neither")) == (2, 1)
     ended = run_oneframe("overlay", case_path, "--out", tmp_path / "overlay.png")
     assert (ended.returncode, ended.stderr.count("expected a pose, found no [pose]; align the frame first")) == (2, 1)
-
-
-def test_metres_are_millimetres_inside(case_path, tmp_path, align):
-    pairs, metres = tmp_path / "pairs.json", case_path.with_name("metres.toml")
-    write_landmarks(pairs, clicked_landmarks(case_path), mm_per_unit=1000.0)
-    metres.write_text(case_path.read_text().replace('"mm"', '"m"'))
-    out = tmp_path / "out.toml"
-    # the mesh file is in millimetres: taken as metres, its landmarks lie far beside it
-    refused = align(metres, "--landmarks", pairs, FINE)
-    assert refused.returncode == 2
-    assert "expected points on surface.ply, all lie beside it" in refused.stderr
-    ply = read_mesh(case_path.with_name("surface.ply"))[0].scaled(1e-3)
-    write_ply(case_path.with_name("surface.ply"), ply)
-    ended = align(metres, "--landmarks", pairs, FINE, "--out", out)
-    assert ended.returncode == 0, ended.stderr
-    pose = printed_matrix(ended.stdout, "cam_from_mesh")
-    assert pose == pytest.approx(true_case(case_path).cam_from_mesh, abs=1e-5)
-    assert np.array_equal(read_case(out).cam_from_mesh, pose)
 
 
 def test_a_refused_refinement_leaves_the_pose_of_the_landmarks(case_path, tmp_path, align, monkeypatch):

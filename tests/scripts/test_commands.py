@@ -100,28 +100,16 @@ def test_a_missing_package_is_named(run_command, tmp_path):
     assert_one_line(run_command([sys.executable, "-c", code]), 3, "expected OpenCV")
 
 
-def test_values_that_look_like_options_are_values():
-    """An argument after ``--`` is no option, and neither is one with a space in it."""
-    with pytest.raises(InputError, match=r"--views: expected 0 or more, found -1"):
-        dispatch(["check", "--views", "-1", "--", "--dataset"])
-    assert parser_of("colour").parse(["--out", "--a name with spaces.ply", "case.toml"]).out == Path(
-        "--a name with spaces.ply"
-    )
-
-
-@pytest.fixture
-def in_blender(run_command, tmp_path):
-    """Runs the program in a real Blender, as shipped; ``script`` is another script than that of the program."""
+@pytest.mark.render
+def test_scripts_run_in_a_blender_program(write_tiny_case, tmp_path, run_command, run_oneframe):
+    """In a real Blender, as shipped."""
     if not (program := os.environ.get("BLENDER")):
         pytest.skip("the environment variable BLENDER names no Blender program")
-    return lambda *arguments, script="oneframe.py": run_command(
-        [*blender_command(program, str(ROOT / "scripts" / script)), *map(str, arguments)],
-        BLENDER_USER_RESOURCES=str(tmp_path / "resources"),
-    )
 
+    def in_blender(*arguments, script="oneframe.py"):
+        command = [*blender_command(program, str(ROOT / "scripts" / script)), *map(str, arguments)]
+        return run_command(command, BLENDER_USER_RESOURCES=str(tmp_path / "resources"))
 
-@pytest.mark.render
-def test_scripts_run_in_a_blender_program(write_tiny_case, tmp_path, in_blender, run_oneframe):
     case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
     ended = in_blender(case, "--out", out, "--count", "6", "--workers", "2", script="render_dataset.py")
     assert (ended.returncode, ended.stderr) == (0, "")
@@ -134,12 +122,3 @@ def test_scripts_run_in_a_blender_program(write_tiny_case, tmp_path, in_blender,
     ended = in_blender("render", case, "--out", out, "--cuont", "6")
     assert ended.returncode == 2
     assert ended.stderr == "error: command line: unknown argument '--cuont'; did you mean '--count'?\n"
-
-
-def test_a_blender_program_without_the_packages_says_so(in_blender, tmp_path):
-    ended = in_blender("align", tmp_path / "nothing")
-    # 2: a Blender that has them, and looks for the files
-    assert ended.returncode in (2, 3)
-    assert ended.stderr.startswith("error: ")
-    assert ended.stderr.count("\n") == 1
-    assert ("install OneFrame with pip" in ended.stderr) == (ended.returncode == 3)

@@ -118,19 +118,6 @@ def test_drill_keeps_its_margin_and_what_it_came_near_to_is_reported(ct, labels,
     assert "bone above" in said[2]
 
 
-def test_margins_of_labels_without_names_are_refused_at_once(ct, labels, tmp_path, surface):
-    plan = tmp_path / "drill.toml"
-    plan.write_text(PLAN)
-    (tmp_path / "labels.json").unlink()
-    ended = surface(ct, "--out", tmp_path / "out", "--labels", labels, "--drill", plan)
-    assert ended.returncode == 2
-    assert "(label_1, label_2), found facial_nerve; give labels that have them, with their names in " in ended.stderr
-    assert "labels.json, dataset.json or ITK-SNAP's label descriptions (.txt) beside them" in ended.stderr
-    assert "bone above" not in ended.stdout
-    (tmp_path / "labels.txt").write_text('1  0  0 255  1  1  1  "Facial nerve"\n')
-    assert surface(ct, "--out", tmp_path / "out", "--labels", labels, "--drill", plan).returncode == 0
-
-
 def test_threshold_crop_and_islands_are_obeyed(ct, tmp_path, surface):
     crop = [*(CENTRE - 20), *(np.add(CENTRE, (20, 20, 0)))]
     raw = ("--smooth", 0, "--tolerance", 0)
@@ -162,13 +149,3 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(arguments, message, ct, t
     assert ended.stderr.count("\n") == 1
     assert message in ended.stderr
     assert not (tmp_path / "out").exists()
-
-
-def test_a_folder_with_something_else_is_refused(ct, tmp_path, surface):
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "surface.ply").write_text("ply\nmine")
-    (tmp_path / "mine" / "notes.txt").touch()
-    ended = surface(ct, "--out", tmp_path / "mine")
-    assert ended.returncode == 2
-    assert "found notes.txt in it" in ended.stderr
-    assert (tmp_path / "mine" / "surface.ply").read_text() == "ply\nmine"

@@ -2,10 +2,8 @@
 
 import json
 import shutil
-from fractions import Fraction
 from pathlib import Path
 
-import av
 import cv2
 import numpy as np
 import pytest
@@ -156,16 +154,6 @@ def test_a_second_run_replaces_the_first_until_somebody_changes_it(given, tmp_pa
         (out / name).write_bytes(text)
 
 
-def test_a_file_of_the_users_own_stays_in_a_folder_whose_case_is_replaced(given, tmp_path):
-    out = tmp_path / "case"
-    assert dispatch(line(given)) == 0
-    (out / "frame.png").rename(out / "photo.png")
-    case = out / "case.toml"
-    case.write_text(case.read_text().replace('"frame.png"', '"photo.png"'))
-    assert dispatch(line(given, overwrite=True)) == 0
-    assert (out / "photo.png").exists()
-
-
 def test_a_case_in_the_folder_of_the_surface(given):
     """What is there already stays there; an input that would become another file is refused."""
     folder = given / "surface"
@@ -199,38 +187,6 @@ def test_the_colours_are_those_that_blender_reads(given, tmp_path, kind):
     mask = np.arange(HEIGHT)[:, None] >= 10
     assert np.array_equal(shown, own & mask)
     assert own.all() == (kind != "rgba")
-
-
-def test_what_a_film_states_of_its_frames_is_said(given, run_oneframe):
-    film = given / "film.mp4"
-    texture = cv2.GaussianBlur(np.random.default_rng(1).normal(128, 400, (HEIGHT, 3 * WIDTH, 3)), (0, 0), 2.5)
-    with av.open(str(film), "w") as out:
-        stream = out.add_stream("libx264", 25, options={"qp": "4"})
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-        stream.codec_context.sample_aspect_ratio = Fraction(4, 3)
-        for number in range(4):
-            moment = texture[:, 12 * number :][:, :WIDTH].clip(0, 255)
-            moment[1::2] = texture[1::2, 12 * number + 6 :][:, :WIDTH].clip(0, 255)
-            out.mux(stream.encode(av.VideoFrame.from_ndarray(moment.astype(np.uint8))))
-        out.mux(stream.encode())
-    said = run_oneframe(*line(given, frame=film, frame_number=2)).stdout
-    assert "note: the film states pixels 1.333 times as wide as high" in said
-    assert "note: the frame is interlaced" in said
-    assert "warning: fx = 900 and fy = 905, but the film states" in said
-
-
-def test_structures_beside_those_of_the_folder(given, tmp_path):
-    for name in ("DOE_chorda.ply", "DOE_JOHN.ply"):
-        shutil.copy(given / "surface" / "structures" / "facial_nerve.ply", given / name)
-    words = line(given)
-    for name in ("DOE_chorda.ply", "DOE_JOHN.ply"):
-        words += ["--structure", str(given / name)]
-    assert dispatch(words) == 0
-    case = read_case(tmp_path / "case" / "case.toml")
-    assert [structure.name for structure in case.structures] == ["chorda_tympani", "facial_nerve", "structure_1"]
-    assert case.structures[0].colour == (0, 1, 0)
-    written = [path for path in case.path.parent.rglob("*") if path.is_file()]
-    assert not [path for path in written if "DOE" in path.name or b"DOE_" in path.read_bytes()]
 
 
 def test_k_of_another_size_is_refused_with_the_factor_or_rescaled(given, tmp_path):

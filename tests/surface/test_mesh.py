@@ -1,4 +1,4 @@
-"""Laws of TriangleMesh, checked_mesh and diameter."""
+"""Laws of TriangleMesh, checked_mesh, diameter and deviation."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from oneframe.errors import InputError
+from oneframe.surface.deviation import deviation
 from oneframe.surface.mesh import TriangleMesh, checked_mesh, diameter
 from oneframe.transforms import rotation_from_vector
+from tests.volume.solids import enclosed_mm3
 
 CUBE_VERTICES = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 CUBE_SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]  # outward
@@ -23,10 +25,6 @@ flattenings = st.sampled_from([(1, 1, 1), (1, 1, 0), (1, 0, 0), (1, 1, 1e-6), (0
 
 def brute_force_diameter(points: np.ndarray) -> float:
     return max(float(np.sqrt(((points - point) ** 2).sum(axis=1)).max()) for point in points)
-
-
-def volume(mesh: TriangleMesh) -> float:
-    return float((mesh.vertices[mesh.faces[:, 0]] * mesh.face_cross).sum() / 6)
 
 
 def area(mesh: TriangleMesh) -> float:
@@ -50,19 +48,6 @@ def test_a_cube_shows_its_front_on_the_sides_that_a_viewpoint_is_beyond(viewpoin
     assert cube.flipped().front_facing(np.array(viewpoint)).tolist() == (~shown).tolist()
 
 
-@pytest.mark.parametrize("shape", ["sphere", "Reuleaux"])
-def test_diameter_of_many_points(shape):
-    rng = np.random.default_rng(5)
-    points = rng.normal(size=(1500, 3))
-    if shape == "sphere":  # every point is a candidate
-        points /= np.linalg.norm(points, axis=1, keepdims=True)
-    else:  # the centre of the box is not the centre of the widest pair
-        corner = np.array([[0, 0], [1, 0], [0.5, np.sqrt(3) / 2]])[rng.integers(3, size=1500)]
-        angle = rng.uniform(0, 2 * np.pi, 1500)
-        points = np.column_stack([corner + 0.01 * np.column_stack([np.cos(angle), np.sin(angle)]), 0 * angle])
-    assert diameter(points) == pytest.approx(brute_force_diameter(points), rel=1e-13)
-
-
 @given(
     hnp.arrays(np.float64, 3, elements=st.floats(-3, 3)),
     hnp.arrays(np.float64, 3, elements=st.floats(-50, 50)),
@@ -71,11 +56,11 @@ def test_diameter_of_many_points(shape):
 def test_measures_of_a_moved_turned_scaled_cube(rotation_vector, offset, factor):
     turned = CUBE_VERTICES @ rotation_from_vector(rotation_vector).T
     mesh = TriangleMesh(turned, CUBE_FACES).scaled(factor).moved(offset)
-    assert volume(mesh) == pytest.approx(factor**3, rel=1e-9, abs=1e-9)
+    assert enclosed_mm3(mesh) == pytest.approx(factor**3, rel=1e-9, abs=1e-9)
     assert area(mesh) == pytest.approx(6 * factor**2, rel=1e-9)
     assert diameter(mesh.vertices) == pytest.approx(np.sqrt(3) * factor, rel=1e-12)
     assert mesh.median_edge == pytest.approx(factor, rel=1e-9)
-    assert volume(mesh.flipped()) == pytest.approx(-volume(mesh), rel=1e-12)
+    assert enclosed_mm3(mesh.flipped()) == pytest.approx(-enclosed_mm3(mesh), rel=1e-12)
     assert np.allclose(mesh.flipped().vertex_normals, -mesh.vertex_normals)
     assert np.allclose(np.linalg.norm(mesh.vertex_normals, axis=1), 1)
     assert np.allclose(np.linalg.norm(mesh.face_normals, axis=1), 1)
@@ -150,3 +135,24 @@ def with_coordinate(row: int, value: float) -> np.ndarray:
 def test_checked_mesh_refuses(vertices, faces, message):
     with pytest.raises(InputError, match=rf"^x\.ply: expected .*{message}"):
         checked_mesh(vertices, faces, "x.ply")
+
+
+def distances_from_all(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """``(N, F)`` distances of all points from all triangles."""
+    pairs = np.repeat(triangles[None], len(points), axis=0).reshape(-1, 3, 3)
+    repeated = np.repeat(points, len(triangles), axis=0)
+    nearest = trimesh.triangles.closest_point(pairs, repeated)
+    return np.linalg.norm(nearest - repeated, axis=1).reshape(len(points), len(triangles))
+
+
+@given(st.integers(0, 10**6), st.integers(1, 300), st.floats(0.01, 100))
+def test_equalsdistances_from_all(seed: int, faces: int, spread: float) -> None:
+    rng = np.random.default_rng(seed)
+    vertices = rng.normal(size=(3 * faces, 3)) * (1, 1, 0.3) + (0, 0, 1000)
+    vertices[2::9] = vertices[1::9][: len(vertices[2::9])]  # needles without area among them
+    mesh = TriangleMesh(vertices, np.arange(3 * faces, dtype=np.int32).reshape(-1, 3))
+    points = rng.normal(size=(50, 3)) * spread + (0, 0, 1000)
+    flat = vertices[2::9]
+    assert len(flat)
+    expected = distances_from_all(points, vertices[mesh.faces])
+    np.testing.assert_allclose(deviation(points, mesh), expected.min(axis=1), rtol=1e-6, atol=1e-7)

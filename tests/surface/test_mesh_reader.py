@@ -316,19 +316,6 @@ def test_turned_faces_are_turned_back(bumpy_mesh, seed, apart):
     assert messages == ([turns] if turned.any() else [])
 
 
-def test_a_moebius_strip_stays_as_it_is():
-    around = np.arange(6)
-    low, high = np.stack([around, (around + 1) % 6], 1), np.stack([around + 6, (around + 1) % 6 + 6], 1)
-    low[-1, 1], high[-1, 1] = high[-1, 1], low[-1, 1]
-    faces = np.concatenate(
-        [np.stack([low[:, 0], low[:, 1], high[:, 1]], 1), np.stack([low[:, 0], high[:, 1], high[:, 0]], 1)]
-    )
-    vertices = np.random.default_rng(0).normal(size=(12, 3))
-    mesh, (message,) = consistent_winding(TriangleMesh(vertices, faces.astype(np.int32)), "a.ply")
-    assert np.array_equal(mesh.faces, faces)
-    assert "no turn makes them agree" in message
-
-
 @pytest.mark.parametrize("name", ["mesh.obj", "ascii triangles.ply"])
 def test_marks_and_numbers_of_other_programs(tmp_path, name):
     """A byte order mark; no number in a normal and in a vertex of no face."""

@@ -1,11 +1,9 @@
 """Writing meshes: exact round trips, agreement with an independent reader and writer, atomic replacement."""
 
 import re
-import struct
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -60,52 +58,6 @@ def test_obj_keeps_single_precision(tmp_path):
     corners = [[int(corner.split("/")[1]) - 1 for corner in w[1:]] for w in words if w[0] == "f"]
     assert np.array_equal(numbers["v"], vertices)
     assert np.array_equal(numbers["vt"][corners], uv)
-
-
-@quick
-@given(meshes())
-def test_trimesh_reads_what_is_written_and_the_reverse(tmp_path, mesh):
-    trimesh = pytest.importorskip("trimesh")
-    triangles = mesh.vertices[mesh.faces]
-    colours = np.arange(mesh.vertices.size, dtype=np.uint8).reshape(-1, 3)
-    write_ply(tmp_path / "a.ply", mesh, colours=colours, normals=mesh.vertex_normals)
-    write_obj(tmp_path / "a.obj", mesh)
-    for name in ("a.ply", "a.obj"):
-        theirs = trimesh.load(tmp_path / name, process=False, maintain_order=True)
-        assert np.array_equal(theirs.triangles, triangles)
-    theirs = trimesh.load(tmp_path / "a.ply", process=False)
-    assert np.array_equal(theirs.visual.vertex_colors[:, :3], colours)
-    assert np.allclose(theirs.vertex_normals, mesh.vertex_normals, atol=1e-6)
-    for name, options in [
-        ("b.ply", {"encoding": "ascii"}),
-        ("c.ply", {"encoding": "binary"}),
-        ("d.stl", {"file_type": "stl"}),
-        ("f.obj", {"digits": 12}),
-    ]:
-        theirs.export(tmp_path / name, **options)
-        ours, _ = read_mesh(tmp_path / name)
-        assert np.allclose(ours.vertices[ours.faces], triangles, rtol=1e-6, atol=1e-6)
-
-
-@quick
-@given(meshes(), st.integers(0, 99))
-def test_trimesh_reads_texture_coordinates_per_corner(tmp_path, mesh, seed):
-    trimesh = pytest.importorskip("trimesh")
-    uv = np.random.default_rng(seed).integers(0, 9, (*mesh.faces.shape, 2)) / np.float32(8)
-    write_obj(tmp_path / "a.obj", mesh, uv=uv, texture="skin-1.png")
-    write_ply(tmp_path / "a.ply", mesh, uv=uv, texture="skin-1.png")
-    theirs = trimesh.load(tmp_path / "a.obj", process=False)
-    assert np.array_equal(theirs.triangles, mesh.vertices[mesh.faces])
-    assert np.array_equal(theirs.visual.uv[theirs.faces], uv)
-    assert "map_Kd skin-1.png" in (tmp_path / "a.mtl").read_text()
-    header, _, body = (tmp_path / "a.ply").read_bytes().partition(b"end_header\n")
-    assert b"\ncomment TextureFile skin-1.png\n" in header
-    rows = body[12 * len(mesh.vertices) :]
-    assert len(rows) == 38 * len(mesh.faces)
-    for index in range(len(mesh.faces)):
-        three, *corners, six = struct.unpack_from("<B3iB", rows, 38 * index)
-        assert (three, corners, six) == (3, mesh.faces[index].tolist(), 6)
-        assert struct.unpack_from("<6f", rows, 38 * index + 14) == tuple(uv[index].ravel().tolist())
 
 
 @given(st.text(st.characters(exclude_characters="/\0", exclude_categories=("Cs",)), min_size=1, max_size=60))

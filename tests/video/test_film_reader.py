@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.video.film_reader import MOST, Film, FilmFrame, Thumbnails, read_video_frame
+from oneframe.video.film_reader import Film, read_video_frame
 from oneframe.video.frame_scores import COMBED, score_frames
 from oneframe.video.picture import comb_ratio
 from tests.video.difficult_films import number_of, numbered, write_frames, write_images
@@ -72,19 +72,6 @@ def test_frames_and_times_of_a_variable_rate_are_the_containers(tmp_path, suffix
     assert known(path).frames == FRAMES
 
 
-def test_of_a_damaged_film_the_intact_frames_are_used(tmp_path):
-    path = write_frames(tmp_path / "film.avi", FRAMES, "mjpeg", strict="-1")
-    whole, intact = frames_of(path), path.read_bytes()
-    half = len(intact) // 2
-    path.write_bytes(intact[:half] + bytes(9_000) + intact[half + 9_000 :])
-    assert FRAMES / 3 < len(score_frames(path).frames) <= FRAMES
-    assert sum(np.array_equal(frame.image, whole[frame.index].image) for frame in frames_of(path)) > FRAMES / 3
-    path.write_bytes(intact[:half] + bytes(40_000) + intact[half + 40_000 :])
-    with pytest.raises(InputError, match=r"cannot decode frame|expected a frame from 0 to"):
-        read_video_frame(path, FRAMES - 1)
-    assert number_of(read_video_frame(path, 3)) == 3
-
-
 def interlaced(images: list[np.ndarray]) -> list[np.ndarray]:
     woven = []
     for upper, lower in zip(images[0::2], images[1::2], strict=True):
@@ -118,13 +105,11 @@ def test_what_is_no_film_is_refused(tmp_path):
     with wave.open(str(tmp_path / "sound.wav"), "wb") as sound:
         sound.setparams((1, 2, 8000, 0, "NONE", ""))
         sound.writeframes(bytes(8000))
-    (tmp_path / "playlist.mp4").write_text("#EXTM3U\n#EXTINF:8,\nlarge.mkv\n#EXT-X-ENDLIST\n")
     write_film(tmp_path / "large.mkv", [np.zeros((5008, 5008, 3), np.uint8)], "MJPG")
     for name, message in {
         "text.mp4": "cannot open it; it is cut off, without pictures, or in an unknown format",
         "empty.mp4": "it is empty",
         **{f"image.{suffix}": "found an image" for suffix in ("png", "jp2")},
-        "playlist.mp4": "cannot open it",
         "sound.wav": "without pictures",
         "large.mkv": "at most 25.0 million pixels",
         "none.mp4": "does not exist; correct the path",
@@ -133,16 +118,3 @@ def test_what_is_no_film_is_refused(tmp_path):
             score_frames(tmp_path / name)
         with pytest.raises(InputError, match=r"expected|does not exist"):
             read_video_frame(tmp_path / name, 1 if name == "large.mkv" else 0)
-
-
-@pytest.mark.parametrize("count", [1, MOST + 1, 5 * MOST])
-def test_thumbnails_are_few_and_regular(count):
-    kept = Thumbnails()
-    for number in range(count):
-        kept.add(FilmFrame(2 * number, 0.0, 0.0, np.full((2, 3, 3), number % 251, np.uint8)))
-    assert min(count, MOST / 2) <= len(kept) <= MOST
-    apart = 2 ** max(0, int(np.ceil(np.log2(count / MOST))))
-    for wanted in range(0, 2 * count, 7):
-        index, picture = kept.nearest(wanted)
-        assert abs(index - wanted) <= 2 * apart
-        assert (picture == index // 2 % 251).all()

@@ -42,8 +42,8 @@ class Ending:
     @property
     def error(self) -> InputError | RunError | None:
         """The error that it reported, if it ended by one."""
-        kind = {EXIT_INPUT: InputError, EXIT_RUN: RunError}.get(self.code)
-        return None if kind is None else kind(self.last)
+        kinds: dict[int, type[InputError | RunError]] = {EXIT_INPUT: InputError, EXIT_RUN: RunError}
+        return kinds[self.code](self.last) if self.code in kinds else None
 
 
 class RenderProcess:

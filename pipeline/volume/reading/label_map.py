@@ -99,7 +99,7 @@ def names_beside(path: Path) -> dict[int, str]:
 
     JSON as of nnU-Net, label descriptions of ITK-SNAP, colour tables of 3D Slicer.
     """
-    stem = path.name[: -len(volume_suffix(path) or "")] or path.name
+    stem = (path.name[: -len(volume_suffix(path) or "")] or path.name).removesuffix(".seg")
     texts = (".json", ".txt", ".label", ".ctbl", "_ColorTable.ctbl", "_ColorTable.csv")
     own = [stem + ".json", "labels.json", "dataset.json", "../dataset.json"]
     own += [name for suffix in texts[1:] for name in (stem + suffix, "labels" + suffix)]

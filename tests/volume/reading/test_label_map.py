@@ -40,8 +40,10 @@ def test_names_of_slicer(tmp_path):
     np.testing.assert_array_equal(labels.values, LABELS)
     (tmp_path / "labels.json").write_text(json.dumps({"labels": {"3": "other", "12": "tegmen"}}))
     assert read_labels(path).names == {3: "facial_nerve_left", 12: "tegmen"}
+    (tmp_path / "labels.json").unlink()
+    (tmp_path / "b_ColorTable.ctbl").write_text("3 κοχλίας 255 0 0 255\n12 面神经 255 0 0 255\n")
     path = write(tmp_path / "b.seg.nrrd", **{**keys, "Segment0_Name": "Temporal Bone"})
-    assert read_labels(path).names[3] == "Temporal Bone"
+    assert read_labels(path).names == {3: "Temporal Bone", 12: "面神经"}
 
 
 SLICER = (

@@ -99,22 +99,6 @@ def test_undo_does_not_bring_back_the_file_before(opened):
     assert bpy.context.scene.oneframe.case_path == str(opened / "copy.toml")
 
 
-def test_a_file_that_has_become_another_case_meanwhile_is_not_replaced(opened):
-    """As after opening an old .blend file."""
-    first = opened / "first" / "case.toml"
-    bpy.ops.wm.save_as_mainfile(filepath=str(opened / "work.blend"))
-    text = first.read_text().replace("frame.png", "../second/frame.png")
-    first.write_text(text)
-    bpy.ops.wm.open_mainfile(filepath=str(opened / "work.blend"))
-    assert bpy.context.scene.oneframe.case_path == str(first)
-    refused(
-        bpy.ops.oneframe.save_case,
-        r"found one of another frame \(frame.png\); choose another name",
-        filepath=str(first),
-    )
-    assert first.read_text() == text
-
-
 POINTS = [[1.25, -7.5, 41.0], [10.25, -7.5, 41.0], [1.25, -17.5, 41.0], [15.25, -17.5, 38.0], [8.0, -12.0, 41.0]]
 
 

@@ -22,29 +22,28 @@ from blender_addon.video import session
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.case.case_changes import differing_fields
-from oneframe.case.case_file import read_case
+from oneframe.case.case_file import Case, read_case
 from oneframe.case.case_history import earlier_cases
+from oneframe.case.case_writer import write_case
 from oneframe.commands.__main__ import dispatch
 from oneframe.dataset.options import checked_options
 from oneframe.dataset.run.run_folder import Shard
-from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
 from oneframe.images.png import encode_png
-from oneframe.light.lens_light import LensLight, shading, working_distance_mm
-from oneframe.projection.visible_surface import central_point
-from oneframe.projection.z_buffer import rasterise_depth, seen_normals
+from oneframe.light.lens_light import LensLight
 from oneframe.registration.register import RegisteredFrame
 from oneframe.registration.verdict import ACCEPTED, Verdict
-from oneframe.transforms import inverse_rigid, rigid, transform_points
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import rigid
 from tests.addon.conftest import pixels_of, refused
-from tests.alignment.test_refinement import hills
 from tests.blender.dataset.job_runs import finished_views
-from tests.registration.test_registration import CAMERA, SOURCE, photograph, seen_from, write_case
+from tests.light import test_find_lamp as lit
 from tests.tree import tree
 from tests.video.surgical_film import write_film
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.render
 
+LAMP = LensLight((-13.04, 16.0, 2.0), 0.07)
 DATASET = "\n[dataset]\ncount = {count}\nscale = 0.5\nseed = 5\n"
 
 
@@ -105,27 +104,50 @@ def touch_mesh(scene):
     forget_stamps()
 
 
-def test_previewed_view_is_that_of_the_run(opened, case_path, tmp_path):
-    opened.oneframe.preview_view = 2
+@pytest.mark.parametrize("light", ["none", "lens", "shadows"])
+def test_previewed_view_is_that_of_the_run(opened, case_path, tmp_path, light):
+    opened.oneframe.preview_view, opened.oneframe.dataset.light = 2, light
     scene, camera, frame = opened.name, opened.camera, opened.frame_current
+    if light != "none":
+        refused(bpy.ops.oneframe.preview_view, "expected the lamp at the lens")
+        keep_lamp(opened, LAMP)
     bpy.ops.oneframe.preview_view()
     image, summary, outdated = preview(opened)
     assert not outdated
     assert summary.startswith("view 2: surface covers ")
+    assert (bpy.context.scene.name, opened.camera, opened.frame_current) == (scene, camera, frame)
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
     with script_job(case_path, tmp_path).renderer(threads=1) as renderer:
         expected = renderer.make(2).rendered.rgb
     assert is_shown(image, expected)
-    assert (bpy.context.scene.name, opened.camera, opened.frame_current) == (scene, camera, frame)
+
+
+def test_a_preview_is_outdated_by_what_changes_it_and_kept_for_each_light(opened):
+    keep_lamp(opened, LAMP)
+    opened.oneframe.dataset.light = "lens"
+    bpy.ops.oneframe.preview_view()
     for change in (
         lambda scene: setattr(scene.oneframe, "preview_view", 3),
         change_pose,
         touch_mesh,
         lambda scene: setattr(scene.oneframe.dataset, "unseen", "fill"),
+        lambda scene: keep_lamp(scene, replace(LAMP, ambient=0.2)),
     ):
         change(opened)
         assert preview(opened)[2]
         bpy.ops.oneframe.preview_view()
         assert not preview(opened)[2]
+    image = preview(opened)[0]
+    opened.oneframe.dataset.light = "none"
+    assert preview(opened) is None
+    bpy.ops.oneframe.preview_view()
+    before = preview(opened)[0]
+    opened.oneframe.dataset.light = "lens"
+    assert preview(opened)[0] == image != before
+    keep_lamp(opened, None)
+    assert preview(opened)[2]
+    opened.oneframe.dataset.light = "none"
+    assert not preview(opened)[2]
     opened.oneframe.preview_view = 6
     refused(bpy.ops.oneframe.preview_view, "expected a view of the dataset, 0 to 5")
 
@@ -245,10 +267,6 @@ def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, case_path)
     assert case_path.read_bytes() == text
 
 
-POSES = [seen_from(-20, 30), seen_from(15, 90)]
-LAMP = LensLight((-13.04, 16.0, 2.0), 0.07)
-
-
 def test_a_lamp_is_undone_saved_and_in_the_history(opened, case_path):
     scene = opened
     assert lamp_of(scene) is None
@@ -267,78 +285,40 @@ def test_a_lamp_is_undone_saved_and_in_the_history(opened, case_path):
     assert unsaved_parts(scene) == ()
 
 
-@pytest.mark.parametrize("light", ["lens", "shadows"])
-def test_the_previewed_view_in_its_light_is_that_of_the_run(opened, case_path, tmp_path, light):
-    opened.oneframe.dataset.light = light
-    refused(bpy.ops.oneframe.preview_view, "expected the lamp at the lens")
-    keep_lamp(opened, LAMP)
-    bpy.ops.oneframe.preview_view()
-    image, _, outdated = preview(opened)
-    assert not outdated
-    bpy.ops.oneframe.save_case(filepath=str(case_path))
-    with script_job(case_path, tmp_path).renderer(threads=1) as renderer:
-        expected = renderer.make(0).rendered.rgb
-    assert is_shown(image, expected)
-    keep_lamp(opened, replace(LAMP, ambient=0.2))
-    assert preview(opened)[2]
-    keep_lamp(opened, LAMP)
-    # before and after
-    opened.oneframe.dataset.light = "none"
-    assert preview(opened) is None
-    bpy.ops.oneframe.preview_view()
-    before = preview(opened)[0]
-    opened.oneframe.dataset.light = light
-    assert preview(opened)[0] == image != before
-    assert not preview(opened)[2]
-    keep_lamp(opened, None)
-    assert preview(opened)[2]
-    opened.oneframe.dataset.light = "none"
-    assert not preview(opened)[2]
-
-
-def lit(mesh, pose):
-    """Codes (H, W, 3), uint8: a painted surface in the light of the lens."""
-    raster = rasterise_depth(mesh, CAMERA, pose)
-    shown, (v, u) = raster.face >= 0, np.nonzero(raster.face >= 0)
-    uv = np.stack([u, v], axis=1).astype(float)
-    points = transform_points(inverse_rigid(pose), CAMERA.rays_cam(uv) / raster.inverse_depth[shown][:, None])
-    normals = seen_normals(mesh, CAMERA, pose, raster.face[shown], uv)
-    light = LensLight((*LAMP.lamp_cam_mm[:2], 0.0), LAMP.ambient)
-    factors = shading(
-        light, points, normals, pose, working_distance_mm(pose, central_point(raster.depth_mm, CAMERA, pose))
-    )
-    image = photograph(mesh, pose)
-    image[shown] = codes_from_linear(linear_from_codes(image[shown]) * factors[:, None])
-    return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
-
-
-def filmed(folder, images):
-    """A case and its film, opened, with the film's frames found where they are."""
-    write_case(folder, hills(1), SOURCE)
-    (folder / "frame.png").write_bytes(encode_png(images[0]))
-    write_film(folder / "film.avi", [image[..., ::-1] for image in images[1:]], "MJPG")
-    bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
-    bpy.ops.oneframe.open_video(filepath=str(folder / "film.avi"))
+@pytest.fixture
+def filmed(addon, tmp_path):
+    """A case and its film, opened, with the film's frames found where they are; the file of their poses."""
+    mesh, (source, *poses) = lit.hills(), lit.POSES
+    case = Case(tmp_path / "case.toml", 1.0, tmp_path / "frame.png", lit.CAMERA, None, tmp_path / "surface.ply", source)
+    write_ply(case.mesh, mesh)
+    photographs = (lit.photograph(mesh, lit.lit_by(lit.LAMP), pose).image for pose in lit.POSES)
+    own, *others = (np.rint(255 * image).astype(np.uint8) for image in photographs)
+    case.image.write_bytes(encode_png(own))
+    write_film(tmp_path / "film.avi", others, "MJPG")
+    write_case(case.path, case)
+    bpy.ops.oneframe.open_case(filepath=str(case.path))
+    bpy.ops.oneframe.open_video(filepath=str(tmp_path / "film.avi"))
     bpy.ops.oneframe.case_frame()
-    registered = film_poses.begun(bpy.context.scene, session.scored(bpy.context.scene))
-    points = hills(1).vertices
-    for number, pose in enumerate(POSES):
-        uncertainty = PoseUncertainty.about_points(np.zeros(3), 1e-4 * np.eye(6), points, pose)
+    scene = bpy.context.scene
+    registered = film_poses.begun(scene, session.scored(scene))
+    mesh_from_model = from_scene.mesh_from_model_of(scene.oneframe.surface)
+    for number, cam_from_mesh in enumerate(poses):
+        pose = cam_from_mesh @ mesh_from_model
+        uncertainty = PoseUncertainty.about_points(np.zeros(3), 1e-4 * np.eye(6), mesh.vertices, pose)
         registered.frames[number] = RegisteredFrame(Verdict(ACCEPTED, 1.0, ""), pose, uncertainty)
     registered.write()
-    return bpy.context.scene, registered.file
+    return registered.file
 
 
-def test_the_lamp_is_found_by_the_films_frames_as_the_command_finds_it(addon, tmp_path):
+def test_the_lamp_is_found_by_the_films_frames_as_the_command_finds_it(filmed, tmp_path):
     case = tmp_path / "case.toml"
-    scene, poses = filmed(tmp_path, [lit(hills(1), pose) for pose in (SOURCE, *POSES)])
     assert bpy.ops.oneframe.find_lamp() == {"FINISHED"}
-    light = lamp_of(scene)
-    assert np.abs(np.subtract(light.lamp_cam_mm, (-13.04, 16.0, 0.0))).max() < 3
-    assert light.origin["frames"] == 3
+    light = lamp_of(bpy.context.scene)
+    assert np.abs(np.subtract(light.lamp_cam_mm, lit.LAMP.lamp_cam_mm)).max() < 3
+    assert light.origin["frames"] == len(lit.POSES)
     bpy.ops.oneframe.save_case(filepath=str(case))
     assert read_case(case).light == light
-    dispatch(["light", *map(str, (case, poses, "--video", tmp_path / "film.avi"))])
+    dispatch(["light", *map(str, (case, filmed, "--video", tmp_path / "film.avi"))])
     assert read_case(case).light.law == light.law
 
 

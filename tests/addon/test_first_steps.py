@@ -1,7 +1,6 @@
 """The first minutes: dropped files, the sample, what comes next; and the user's scenes, which stay as they are."""
 
 import re
-from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -11,11 +10,9 @@ from blender_addon.frames.film_poses import film_of_case
 from blender_addon.setup import open_case as sample
 from blender_addon.setup.alignment_record import pose_record
 from blender_addon.setup.case_in_scene import unsaved_parts
-from blender_addon.setup.open_case import task_lines
 from blender_addon.state import from_scene, to_scene
 from blender_addon.state.scene_files import forget_stamps, recent
 from oneframe.case.case_file import read_case
-from oneframe.case.case_writer import write_case
 from oneframe.case.pose_record import PoseRecord
 from oneframe.transforms import transform_points
 from tests.addon.conftest import refused
@@ -73,19 +70,10 @@ def test_a_surface_that_is_loaded_first_is_in_view(addon, folder):
 def test_the_sample_is_a_copy_that_the_user_may_change(addon, folder, tmp_path, monkeypatch):
     refused(bpy.ops.oneframe.open_sample, "oneframe sample")
     monkeypatch.setattr(sample, "SHIPPED", folder)
-    case = read_case(folder / sample.TRUE)
-    write_case(folder / sample.UNALIGNED, replace(case, posed=False))
     copy = sample.copied_sample(tmp_path / "mine")
     (copy / "case.toml").write_text("changed")
     assert (sample.copied_sample(copy) / "case.toml").read_text() == "changed"
     assert (copy / "surface.ply").read_bytes() == (folder / "surface.ply").read_bytes()
-    bpy.ops.oneframe.open_sample()
-    scene = bpy.context.scene
-    assert "px" not in task_lines(scene)[3].partition(":")[2]
-    bpy.ops.oneframe.open_case(filepath=str(folder / sample.TRUE))
-    assert task_lines(scene) == ()
-    bpy.ops.oneframe.save_case(filepath=str(folder / sample.UNALIGNED))
-    assert "the bone is 0 px from its true pose" in task_lines(scene)[3]
 
 
 def test_k_typed_before_the_frame_gets_the_frames_size(addon, folder):
@@ -135,23 +123,6 @@ def test_recent_cases_and_their_films_are_found_again(addon, folder):
     assert film_of_case(bpy.context.scene) is None
     bpy.ops.oneframe.open_video(filepath=str(folder / "films/film.avi"))
     assert film_of_case(bpy.context.scene) == folder / "films/film.avi"
-
-
-def test_the_workbench_is_found_again(addon, folder, tmp_path):
-    """From the user's scene, and after saving and opening the file: there is one, and typed values come along."""
-    users_scene = bpy.context.scene
-    users_scene.oneframe.camera.fx = "321"
-    bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
-    bench = bpy.context.scene
-    assert bench.oneframe.camera.fx == "321"
-    bpy.context.window.scene = users_scene
-    bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
-    assert bpy.context.scene == bench
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "work.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "work.blend"))
-    bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
-    assert len(bpy.data.scenes) == 2
-    assert bpy.context.scene.oneframe.frame_path == str(folder / "frame.png")
 
 
 def test_a_new_surface_shows_its_shape(in_view, folder):

@@ -157,55 +157,24 @@ def test_a_frame_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_p
     assert film_poses.frame_at(scene, at) is taken
 
 
-def registered_in(scene):
-    """Number -> state of what is found."""
-    return {number: each.verdict.state for number, each in film_poses.of(scene).frames.items()}
-
-
 def forget():
     """As another session of Blender begins."""
     film_poses._known.clear()
     forget_stamps()
 
 
-def test_found_frames_are_kept_beside_the_case_and_a_stopped_run_goes_on(opened, folder, tmp_path):
-    scene = opened("case.toml")
-    film = session.of(scene)
-
-    class Stopped(Exception):
-        pass
-
-    def stop(share):
-        if share > 0.4:
-            raise Stopped
-
-    operator_work = film_poses.begun(scene, film)
-    registrar = Registrar(from_scene.loaded_case(scene))
-    with pytest.raises(Stopped):
-        operator_work.register(registrar, film, stop)
-    before = registered_in(scene)
-    assert len(before) == 2
-    poses = {number: each.cam_from_model for number, each in film_poses.of(scene).frames.items()}
-    forget()
-    bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))
-    scene = bpy.context.scene
-    assert registered_in(scene) == before
-    seen = []
-    film_poses.begun(scene, film).register(registrar, film, seen.append)
-    assert seen == [0.5, 1.0]
-    frames = film_poses.of(scene).frames
-    assert [frames[number].verdict.state for number in range(MIRRORED + 1)] == [ACCEPTED] * 3 + [REFUSED]
-    for number, pose in poses.items():
-        np.testing.assert_allclose(frames[number].cam_from_model, pose, atol=1e-9)
-    # a run from another pose leaves them, and so does one that was saved elsewhere
+def test_found_frames_are_kept_beside_the_case_for_its_pose_and_film(opened, folder, tmp_path):
+    opened("case.toml")
+    bpy.ops.oneframe.register_frames()
     bpy.ops.oneframe.nudge(step_px=1.0)
     bpy.ops.oneframe.register_frames()
+    # a run from another pose leaves those of the saved one, and so does one that was saved elsewhere
     (tmp_path / "other").mkdir()
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "other" / "case.toml"))
     forget()
     for path in (tmp_path / "case.toml", tmp_path / "other" / "case.toml"):
         bpy.ops.oneframe.open_case(filepath=str(path))
-        assert len(registered_in(bpy.context.scene)) == MIRRORED + 1
+        assert len(film_poses.of(bpy.context.scene).frames) == MIRRORED + 1
     # another film of the same name
     other = tmp_path / "film.avi"
     other.write_bytes((folder / "film.avi").read_bytes() + b"0000")

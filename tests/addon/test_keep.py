@@ -132,12 +132,3 @@ def test_a_damaged_history_stops_no_work(case, capfd):
     bpy.ops.oneframe.save_case(filepath=str(case))
     assert "saved" in status(scene())[0]
     assert capfd.readouterr().err == ""
-
-
-def test_a_case_that_states_part_of_an_uncertainty_opens(addon, write_tiny_case, tmp_path):
-    """Somebody has taken lines out of its record."""
-    path = write_tiny_case(tmp_path)
-    text = path.read_text()
-    assert "[alignment]" not in text
-    path.write_text(f"{text}\n[alignment]\nmethod = 'registered'\ncovariance_mm_rad = {np.eye(6).tolist()}\n")
-    assert bpy.ops.oneframe.open_case(filepath=str(path)) == {"FINISHED"}

@@ -106,17 +106,7 @@ def test_a_surface_folder_opens_with_its_structures(addon, files, tmp_path):
     assert tree(files) == before
 
 
-def test_a_surface_folder_with_a_damaged_structure_changes_nothing(addon, files, tmp_path):
-    shutil.copytree(files / "surface", tmp_path / "surface")
-    path = tmp_path / "surface" / "structures" / "facial_nerve.ply"
-    path.write_bytes(path.read_bytes()[:-50])
-    load(surface=files / "surface" / "surface.ply")
-    before = bpy.context.scene.oneframe.surface
-    refused(load, r"facial_nerve.ply", surface=tmp_path / "surface" / "surface.json")
-    assert bpy.context.scene.oneframe.surface == before
-
-
-def test_files_in_the_folder_stay_and_those_of_others_are_not_replaced(addon, files, tmp_path):
+def test_files_in_the_folder_stay(addon, files, tmp_path):
     folder = tmp_path / "mine"
     shutil.copytree(files / "surface", folder)
     shutil.copy(files / "photo.jpg", folder / "view.jpg")
@@ -126,17 +116,6 @@ def test_files_in_the_folder_stay_and_those_of_others_are_not_replaced(addon, fi
     assert tree(folder).items() > before.items()
     assert tree(folder).keys() - before.keys() == {"case.toml"}
     assert read_case(folder / "case.toml").image.name == "view.jpg"
-    other = tmp_path / "other"
-    other.mkdir()
-    (other / "frame.png").write_bytes((files / "masked.png").read_bytes())
-    refused(
-        bpy.ops.oneframe.save_case,
-        r"frame.png: expected no such file or that of this case",
-        filepath=str(other / "case.toml"),
-        collect=True,
-    )
-    assert [path.name for path in other.iterdir()] == ["frame.png"]
-    assert bpy.context.scene.oneframe.frame_path == str(folder / "view.jpg")
 
 
 def test_a_mask_is_shown_in_blue_and_kept_with_the_case(addon, files, tmp_path):
@@ -258,4 +237,9 @@ def test_what_is_no_ct_or_has_no_bone_changes_nothing(addon, files):
     refused(bpy.ops.oneframe.make_surface, "HU")
     assert scene.oneframe.surface is None
     bpy.ops.oneframe.otsu()
+    bpy.ops.ed.undo_push(message="opened")
     assert bpy.ops.oneframe.make_surface() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="surface")
+    for step, is_there in ((bpy.ops.ed.undo, False), (bpy.ops.ed.redo, True)):
+        step()
+        assert (bpy.context.scene.oneframe.surface is not None) == is_there

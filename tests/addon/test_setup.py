@@ -18,13 +18,11 @@ from blender_addon.view.overlay_passes import world_from_structure
 from oneframe.blender.alignment.surface_object import edited_mesh, mesh_from_model_of
 from oneframe.case.case_changes import differing_fields
 from oneframe.case.case_file import read_case
-from oneframe.case.loaded_case import load_case
 from oneframe.case.pose_record import PoseRecord
-from oneframe.projection.initial_pose import initial_pose
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import is_same_pose
 from tests.addon.conftest import refused
+from tests.conftest import tiny_surface
 from tests.tree import tree
 
 MORE = """
@@ -126,26 +124,6 @@ def test_a_case_that_is_opened_and_saved_is_the_same(opened, case_path, tmp_path
         saved = read_case(copy).cam_from_mesh
         bpy.ops.oneframe.open_case(filepath=str(copy))
         assert np.array_equal(from_scene.cam_from_mesh(bpy.context.scene), saved)
-
-
-@pytest.mark.parametrize("order", ["fcs", "csf", "scf"])
-def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, order):
-    folder = case_path.parent
-    for step in order:
-        if step == "f":
-            bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
-        if step == "c":
-            bpy.ops.oneframe.load_camera(filepath=str(case_path))
-        if step == "s":
-            bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
-    bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
-    settings = bpy.context.scene.oneframe
-    made, given = read_case(folder / "new.toml"), read_case(case_path)
-    assert made.camera == given.camera
-    assert settings.camera_object.data.background_images[0].image is not None
-    loaded = load_case(made)
-    guess = initial_pose(loaded.surface.mesh, made.camera)
-    assert np.allclose(loaded.frame.cam_from_model, guess, atol=1e-4)
 
 
 def test_what_is_in_doubt_is_said_until_it_is_put_right(addon, case_path):
@@ -268,7 +246,7 @@ def test_structures_are_loaded_together_and_follow_the_surface(opened, case_path
     folder, names = case_path.parent, ["facial_nerve", "ossicles", "structure_1"]
     files = ["DOE_facial_nerve.ply", "ossicles.ply", "DOE_JOHN.ply"]
     for name in files:
-        write_ply(folder / name, _tiny_surface())
+        write_ply(folder / name, tiny_surface())
     bpy.ops.oneframe.add_structure(directory=str(folder), files=[{"name": name} for name in files])
     surface = opened.oneframe.surface
     added = {child.name: child for child in surface.children if child.name in names}
@@ -283,12 +261,6 @@ def test_structures_are_loaded_together_and_follow_the_surface(opened, case_path
     bpy.ops.oneframe.save_case(filepath=str(case_path))
     saved = [structure.name for structure in read_case(case_path).structures]
     assert saved == ["antrum", "facial_nerve", "ossicles", "structure_1", "zygoma"]
-
-
-def _tiny_surface():
-    vertices = np.array([[12.0, -7, 40], [21, -7, 40], [12, 2, 41]])
-
-    return TriangleMesh(vertices, np.array([[0, 1, 2]], np.int32))
 
 
 def test_units_can_be_changed_afterwards(opened, case_path, tmp_path):

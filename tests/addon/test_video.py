@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from blender_addon.video import session, shown_frame
-from blender_addon.video.session import FrameFetcher
 from oneframe.case.case_file import read_case
-from oneframe.images.png import encode_png
 from oneframe.video.film_reader import read_video_frame
 from oneframe.video.frame_folder import write_frames
 from oneframe.video.frame_scores import best_frames, score_frames
-from tests.addon.conftest import pixels_of, refused
+from tests.addon.conftest import pixels_of
 from tests.video.surgical_film import Event, surgical_film, write_film
 
 SIZE_WH = (64, 48)
@@ -106,13 +104,6 @@ def test_a_frame_that_is_taken_is_the_commands_and_goes_with_the_case(film, vide
     kept = case_path.parent / written.masked.name
     assert read_case(taken).image == kept
     assert kept.read_bytes() == written.masked.read_bytes()
-    # the user's own picture of that name is not replaced
-    bpy.ops.oneframe.take_frame(masked=False)
-    own = case_path.parent / written.image.name
-    own.write_bytes(encode_png(np.zeros((2, 2), np.uint8)))
-    before = own.read_bytes()
-    refused(bpy.ops.oneframe.save_case, written.image.name, filepath=str(case_path.with_name("new.toml")))
-    assert own.read_bytes() == before
 
 
 def test_a_saved_file_holds_the_path_and_the_cases_own_frame(film, video, tmp_path):
@@ -144,10 +135,3 @@ def test_without_k_a_video_opens_and_its_frame_can_be_taken(addon, video):
     bpy.ops.oneframe.take_frame()
     assert tuple(scene.oneframe.frame_size) == SIZE_WH
     assert np.array_equal(film.picture, cv2.imread(scene.oneframe.frame_path)[..., ::-1])
-
-
-def test_the_fetcher_says_what_it_cannot_give(film, tmp_path):
-    lost = FrameFetcher(tmp_path / "gone.mkv", film.scores.frames)
-    lost.wait(3)
-    assert lost.frame(3) is None
-    assert "gone.mkv" in lost.failure(3)

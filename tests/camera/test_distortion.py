@@ -71,8 +71,3 @@ def test_beyond_a_fold_outside_the_picture_the_frame_is_masked():
     assert not inside[radii > fold_px].any()
     assert inside[radii < 0.97 * fold_px].mean() > 0.99
     assert "what lies beyond, 5% of the frame, is masked" in lens_doubts(lens, camera)[0]
-
-
-def test_principal_point_on_a_corner_is_no_fold():
-    camera = PinholeCamera(64, 48, 300.0, 300.0, 0.0, 0.0)
-    assert checked_distortion([0.05, 0, 0, 0, 0], camera, "K") is not None

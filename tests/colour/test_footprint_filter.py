@@ -76,6 +76,16 @@ def test_at_the_frame_s_own_scale_and_nearer_nothing_is_filtered(rng, scene, sca
     assert np.allclose(filtered_lookups(frame, centres, scale), sample_bilinear(frame, centres), rtol=1e-5)
 
 
+@pytest.mark.parametrize("period", [2, 4, 8])
+def test_stripes_average_to_their_mean_and_never_alias(rng, period):
+    stripes = np.where(np.arange(SIZE) % period < period / 2, 255.0, 0.0)
+    frame, centres = np.tile(stripes, (SIZE, 1)), rng.uniform(20, SIZE - 21, (400, 2))
+    assert np.abs(filtered_lookups(frame, centres, float(period)) - 127.5).max() < 0.01
+    for scale in np.linspace(period, 2.5 * period, 12):
+        # a box's own response to them is at most a quarter of their contrast, from the second lobe of its spectrum
+        assert np.abs(filtered_lookups(frame, centres, scale) - 127.5).max() < 127.5 * 0.3
+
+
 def test_colours_of_unknown_texels_are_never_used(rng):
     image = rng.uniform(size=(SIZE, SIZE, 3)).astype(np.float32)
     known = gaussian_filter(rng.normal(size=(SIZE, SIZE)), 4) > 0

@@ -7,16 +7,7 @@ from pathlib import Path
 import pytest
 
 from oneframe.dataset import layout
-from tests.dataset.blank_dataset import write_blank_dataset
 from tests.dataset.synthetic_dataset import PER_SCENE, make_dataset, write_sums, write_video
-
-
-@pytest.fixture(scope="session")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Five views in two scenes with their tables; the images are blank, the fourth shows nothing."""
-    root = tmp_path_factory.mktemp("dataset")
-    write_blank_dataset(root)
-    return root
 
 
 @pytest.fixture(scope="module")

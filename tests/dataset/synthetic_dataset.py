@@ -38,6 +38,8 @@ from tests.dataset.blank_dataset import write_view
 
 CAMERA = PinholeCamera(width=64, height=48, fx=151.3, fy=147.9, cx=30.2, cy=25.1)
 COUNT, PER_SCENE, DEPTH_SCALE = 4, 3, 0.01
+SCENES = (0, [0, 1, 2]), (1, [3])
+"""Number of a scene and of its views."""
 CENTRE = np.array([11.0, -7.0, 420.0])
 VIDEO_FRAMES = 3
 OBJECT_NAME = "lumpy sphere"
@@ -217,3 +219,8 @@ def write_tables(root: Path, camera: PinholeCamera) -> None:
 def write_pose_tables(root: Path, views: Iterable[int] = range(COUNT), centre: np.ndarray = CENTRE) -> None:
     records = (read_record(ViewPaths(root, index)) for index in views)
     write_poses(root, records, CAMERA, rigid(translation=centre), bounds=MESH.bounds, depth_scale=DEPTH_SCALE)
+
+
+def scene_tables(root: Path, scene: int) -> dict[str, dict]:
+    folder = root / "train_synt" / f"{scene:06d}"
+    return {path.stem: json.loads(path.read_text()) for path in folder.glob("*.json")}

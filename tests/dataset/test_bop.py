@@ -10,8 +10,8 @@ from oneframe.dataset.tables.bop import EVAL_VERTICES, bounding_box, write_model
 from oneframe.surface.decimation import reduced_mesh
 from oneframe.surface.mesh_reader import read_mesh
 from tests.conftest import grid_mesh
-from tests.dataset.blank_dataset import pose_of, scene_tables
 from tests.dataset.masks import masks
+from tests.dataset.synthetic_dataset import SCENES, pose_of, scene_tables
 
 
 @given(masks)
@@ -25,10 +25,10 @@ def test_boxes_are_those_counted_pixel_by_pixel(mask):
         assert bounding_box(mask) == (-1, -1, -1, -1)
 
 
-@pytest.mark.parametrize(("scene", "views"), [(0, [0, 1, 2]), (1, [3, 4])])
-def test_scene_tables_have_the_entries_of_bop(written, scene, views):
+@pytest.mark.parametrize(("scene", "views"), SCENES)
+def test_scene_tables_have_the_entries_of_bop(sound, scene, views):
     """Names and nesting of bop_toolkit's docs/bop_datasets_format.md and inout.load_scene_gt/camera."""
-    tables = scene_tables(written, scene)
+    tables = scene_tables(sound, scene)
     assert tables.keys() == {"scene_camera", "scene_gt", "scene_gt_info", "scene_gt_coco_modal"}
     for name in ("scene_camera", "scene_gt", "scene_gt_info"):
         assert list(tables[name]) == [str(image) for image in range(len(views))]
@@ -39,7 +39,7 @@ def test_scene_tables_have_the_entries_of_bop(written, scene, views):
         np.testing.assert_array_equal(truth["cam_t_m2c"], pose[:3, 3])
         camera = tables["scene_camera"][str(image)]
         assert camera.keys() == {"cam_K", "depth_scale", "cam_R_w2c", "cam_t_w2c"}
-        assert camera["cam_K"] == [31.7, 0, 8.2, 0, 29.3, 7.9, 0, 0, 1]
+        assert camera["cam_K"] == [151.3, 0, 30.2, 0, 147.9, 25.1, 0, 0, 1]
         counts = {"px_count_all", "px_count_valid", "px_count_visib"}
         assert info.keys() == {"bbox_obj", "bbox_visib", "visib_fract", *counts}
 

@@ -224,14 +224,6 @@ MUTATIONS = {
         lambda root: replace_file(root, 1, "source_frame", 3 * image_of(root, 1, "source_frame")),
         r"source_frame/000001\.png: \d+ px are of none of the 2 frames",
     ),
-    "fewer visible": (
-        lambda root: replace_file(root, 1, "mask_visib", np.zeros(CAMERA.shape_hw, np.uint8)),
-        r"mask_visib/000001_000000\.png: \d+ px differ from the mask without what stands in front",
-    ),
-    "colour beyond the mask": (
-        lambda root: replace_file(root, 1, "rgb", np.full((*CAMERA.shape_hw, 3), 9, np.uint8)),
-        r"rgb/000001\.png: \d+ px outside the mask are not black",
-    ),
     "visible fraction": (
         lambda root: change_record(root, 1, lambda c: c["gt_info"].update(visib_fract=0.5)),
         r"frame/000001\.json: visib_fract is 0\.5, the counts give 1\.0",

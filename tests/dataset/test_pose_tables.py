@@ -2,13 +2,19 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.run.resume_record import read_record
+from oneframe.dataset.tables.pose_tables import write_poses
 from oneframe.transforms import rigid
-from tests.dataset.blank_dataset import BOUNDS, CAMERA, CENTRE, DEPTH_SCALE, pose_of, record_of
+from tests.dataset.synthetic_dataset import CAMERA, CENTRE, COUNT, DEPTH_SCALE, MESH, pose_of
+
+pytestmark = pytest.mark.usefixtures("small_scenes")
 
 POINTS = np.array([[1.0, 2.0, -3.0], [-4.0, 0.5, 2.0], [0.0, 0.0, 0.0]])
 
@@ -17,9 +23,9 @@ def pixels(k: np.ndarray, points_cam: np.ndarray) -> np.ndarray:
     return cv2.projectPoints(points_cam, np.zeros(3), np.zeros(3), k, None)[0][:, 0]
 
 
-def test_nerf_poses_put_points_on_the_pixels_of_scene_gt(written):
+def test_nerf_poses_put_points_on_the_pixels_of_scene_gt(sound):
     """transforms.json: cameras look along -z with y up, and (0, 0) is the corner of the top-left pixel."""
-    content = json.loads((written / "transforms.json").read_text())
+    content = json.loads((sound / "transforms.json").read_text())
     k = np.array([[content["fl_x"], 0, content["cx"]], [0, content["fl_y"], content["cy"]], [0, 0, 1]])
     assert (content["w"], content["h"]) == CAMERA.size_wh
     assert np.tan(content["camera_angle_x"] / 2) == pytest.approx(CAMERA.width / 2 / CAMERA.fx)
@@ -30,10 +36,10 @@ def test_nerf_poses_put_points_on_the_pixels_of_scene_gt(written):
         np.testing.assert_allclose(pixels(k, opengl * [1, -1, -1]) - 0.5, expected, atol=1e-9)
 
 
-def test_poses_of_the_table_hold_in_both_frames(written):
-    with (written / "poses.csv").open(newline="") as stream:
+def test_poses_of_the_table_hold_in_both_frames(sound):
+    with (sound / "poses.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert [int(row["index"]) for row in rows] == list(range(5))
+    assert [int(row["index"]) for row in rows] == list(range(COUNT))
     for index, row in enumerate(rows):
         rotation = np.array([[float(row[f"r{i}{j}"]) for j in range(3)] for i in range(3)])
         from_model, from_mesh_frame = (
@@ -45,15 +51,16 @@ def test_poses_of_the_table_hold_in_both_frames(written):
         np.testing.assert_array_equal(rigid(rotation, from_model), pose_of(index))
 
 
-def test_instant_ngp_finds_the_surface_in_its_cube_and_depths_in_its_unit(written):
+def test_instant_ngp_finds_the_surface_in_its_cube_and_depths_in_its_unit(sound, tmp_path):
     """As in its src/nerf_loader.cu: points * scale + offset; one scale for all depths; views without depth_path."""
-    content = json.loads((written / "transforms.json").read_text())
-    corners = BOUNDS * content["scale"] + content["offset"]
+    near = read_record(ViewPaths(sound, 0))
+    records = [near, replace(near, depth_scale=2.5 * DEPTH_SCALE)]
+    write_poses(tmp_path, records, CAMERA, rigid(translation=CENTRE), bounds=MESH.bounds, depth_scale=DEPTH_SCALE)
+    content = json.loads((tmp_path / "transforms.json").read_text())
+    corners = MESH.bounds * content["scale"] + content["offset"]
     assert ((corners > 0) & (corners < 1)).all()
     assert np.ptp(corners, axis=0).max() > 0.8
     assert content["aabb_scale"] == 1
     assert content["integer_depth_scale"] == DEPTH_SCALE
-    scales = [record_of(view).depth_scale for view in range(5)]
-    assert len(set(scales)) == 2
-    for frame, scale in zip(content["frames"], scales, strict=True):
-        assert frame.get("depth_path") == (frame["depth_file_path"] if scale == DEPTH_SCALE else None)
+    paths = [(frame.get("depth_path"), frame["depth_file_path"]) for frame in content["frames"]]
+    assert paths == [(paths[0][1], paths[0][1]), (None, paths[1][1])]

@@ -1,12 +1,13 @@
 """Films as recorders, telephones and editors write them: numbers, times, colours and turns as players show them."""
 
+import av
 import cv2
 import numpy as np
 import pytest
 
 from oneframe.errors import InputError
 from oneframe.video.film_reader import WIDEST, Film, film_frame, read_video_frame
-from tests.video.difficult_films import PATCHES, colours_of, copied, number_of, write_frames, write_images
+from tests.video.difficult_films import PATCHES, colours_of, copied, number_of, numbered, write_frames, write_images
 
 pytestmark = pytest.mark.usefixtures("decoded_here")
 
@@ -167,3 +168,28 @@ def test_no_other_file_is_opened(tmp_path):
         (tmp_path / f"{name}.mp4").write_text(text)
         with pytest.raises(InputError, match="cannot open it"):
             Film(tmp_path / f"{name}.mp4")
+
+
+@pytest.mark.parametrize("mode", ["left_right", "top_bottom"])
+def test_a_film_that_states_two_eyes_is_refused(tmp_path, mode):
+    with av.open(str(tmp_path / "film.mkv"), "w") as out:
+        stream = out.add_stream("libx264", 25)
+        stream.width, stream.height, stream.metadata["stereo_mode"] = 128, 96, mode
+        out.mux(stream.encode(av.VideoFrame.from_ndarray(numbered(3))))
+        out.mux(stream.encode())
+    with pytest.raises(
+        InputError, match=rf"one eye, found two eyes{' side' if mode == 'left_right' else ', one over'}"
+    ):
+        read_video_frame(tmp_path / "film.mkv", 0)
+
+
+def test_frames_of_another_size_are_told(tmp_path):
+    parts = [write_frames(tmp_path / f"{at}.h264", 20, size_wh=wh) for at, wh in enumerate([(128, 96), (64, 48)])]
+    path = tmp_path / "film.h264"
+    path.write_bytes(parts[0].read_bytes() + parts[1].read_bytes() + parts[0].read_bytes())
+    with Film(path) as film:
+        assert [number_of(frame.image) for frame in film] == [*range(20)] * 2
+        assert film.other_sizes == dict.fromkeys(range(20, 40), (64, 48))
+        assert film.problem(30) == "it has 64x48 px, the film's first frame 128x96"
+    # alone, a frame is as it is
+    assert read_video_frame(path, 30).shape == (48, 64, 3)

@@ -14,7 +14,7 @@ import traceback
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path.insert(0, str(HERE))
 
 import importlib.util
 
@@ -68,8 +68,6 @@ def main() -> None:
     if not os.environ.get("ONEFRAME_SCREENSHOTS"):
         preferences.system.viewport_aa = "OFF"
         preferences.system.use_overlay_smooth_wire = False
-    # open file selectors in the main window
-    preferences.view.filebrowser_display_type = "SCREEN"
     watchdog = threading.Timer(settings["timeout_s"], give_up, [settings["timeout_s"]])
     watchdog.daemon = True
     watchdog.start()

@@ -1,6 +1,4 @@
-"""What runs is stopped by Escape, or asked about when Blender quits; dialogs begin beside the case."""
-
-from pathlib import Path
+"""What runs is stopped by Escape, or asked about when Blender quits."""
 
 import bpy
 from bl_ext.user_default.oneframe.dataset import background_job
@@ -45,9 +43,3 @@ def scenario(user):
     assert background_job.current().check(), "the run goes on until the user answers"
     user.call("cancel_dataset")
     yield from user.until(lambda: not background_job.current().running, "the end of the run")
-
-    # dialogs begin beside the case
-    user.call("load_surface", "INVOKE_DEFAULT")
-    selector = yield from user.file_selector()
-    assert Path(selector.spaces.active.params.directory.decode()) == user.case.parent
-    yield from user.leave_file_selector()

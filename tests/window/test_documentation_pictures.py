@@ -54,7 +54,8 @@ def test_take_the_pictures_of_two_scenarios(play):
     shots = {
         f"first_session_{at}": path for at, path in enumerate(sorted((PICTURES / "first_session").glob("*.png")), 1)
     }
-    shots |= {"frames": PICTURES / "frames" / "3_found.png", "queue": PICTURES / "frames" / "4_queue.png"}
+    of_frames = {"video": "1_alone", "frames": "3_found", "queue": "4_queue"}
+    shots |= {name: PICTURES / "frames" / f"{picture}.png" for name, picture in of_frames.items()}
     for name, path in shots.items():
         Image.open(path).save(Path(FOLDER, f"{name}.jpg"), "JPEG", **QUALITY)
 

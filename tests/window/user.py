@@ -271,31 +271,6 @@ class User(Hands):
         """Where the frame is in the 3D view."""
         return part("ui.frame_view").FrameView.of(self.window.scene, self.region(), self.view)
 
-    # --- files ------------------------------------------------------------------------------------------------------
-
-    def choose_file(self, path: Path) -> Action:
-        """Choose a file in the file selector; waits for it to open."""
-        selector = yield from self.file_selector()
-        parameters = selector.spaces.active.params
-        parameters.directory, parameters.filename = str(path.parent).encode(), path.name
-        yield from self.leave_file_selector("RET")
-
-    def leave_file_selector(self, key: str = "ESC") -> Action:
-        """Cancel the file selector, or accept what it has; waits for it to open, and to close."""
-        selector = yield from self.file_selector()
-        yield from self.key(key, (selector.x + selector.width / 2, selector.y + selector.height / 2))
-        yield from self.until(lambda: not self._selector(), "the file selector to close")
-        yield from self.redraw()
-
-    def file_selector(self) -> Generator[float, None, bpy.types.Area]:
-        """The file selector, once it is open."""
-        yield from self.until(lambda: self._selector() and self._selector().spaces.active.params, "a file selector")
-        yield 0.3
-        return self._selector()
-
-    def _selector(self) -> bpy.types.Area | None:
-        return next((area for area in self.window.screen.areas if area.type == "FILE_BROWSER"), None)
-
     # --- looking ----------------------------------------------------------------------------------------------------
 
     def look(self) -> Generator[float, None, np.ndarray]:

@@ -1,12 +1,7 @@
 """Frames are read as their code values, whatever the file's name; a PNG by OpenCV as by Blender."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
-from threading import Event, Thread
 
-import bpy
 import cv2
 import numpy as np
 import pytest
@@ -85,25 +80,6 @@ def test_what_the_decoder_could_not_read_is_no_picture(tmp_path, kind):
         read_image(tmp_path / "frame.jpg")
 
 
-def test_what_others_print_meanwhile_is_no_damage(tmp_path, capfd):
-    (tmp_path / "frame.jpg").write_bytes(cv2.imencode(".jpg", codes(3, 8))[1].tobytes())
-    ended = Event()
-
-    def print_on():
-        while not ended.wait(1e-4):
-            os.write(2, b"another thread\n")
-
-    other = Thread(target=print_on)
-    other.start()
-    try:
-        for _ in range(20):
-            read_image(tmp_path / "frame.jpg")
-    finally:
-        ended.set()
-        other.join()
-    assert "another thread" in capfd.readouterr().err
-
-
 @pytest.mark.parametrize("bits", [10, 12, 14])
 def test_codes_of_a_sensor_stored_in_16_bits_are_refused(tmp_path, bits):
     cv2.imwrite(str(tmp_path / "frame.png"), codes(3, 16) >> (16 - bits))
@@ -121,23 +97,3 @@ def test_what_follows_the_end_of_a_jpeg_does_not_count(tmp_path, rng):
     path.write_bytes(whole[:-20] + bytes(200_000))
     with pytest.raises(InputError, match="the file is cut off"):
         read_image(path)
-
-
-def test_colours_do_not_depend_on_the_environment(tmp_path):
-    code = (
-        "import sys, pathlib; {}import oneframe.blender; from oneframe.images.image_reader import read_image; "
-        "read_image(pathlib.Path('{}'))"
-    )
-    cv2.imwrite(str(tmp_path / "frame.jpg"), codes(3, 8))
-
-    def run(before: str, configuration: str = "ocio://cg-config-latest") -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-c", code.format(before, tmp_path / "frame.jpg")]
-        environment = os.environ | {"OCIO": configuration}
-        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-
-    assert run("").returncode == 0
-    # as in the program, Blender has its colours already
-    assert "frame.jpg: expected Blender with its own colours, found OCIO = " in run("import bpy; ").stderr
-    own = Path(bpy.utils.system_resource("DATAFILES", path="colormanagement"), "config.ocio")
-    assert own.is_file()
-    assert run("import bpy; ", str(own)).returncode == 0

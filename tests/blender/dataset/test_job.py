@@ -16,6 +16,7 @@ from oneframe.blender.dataset.job import Job, open_job
 from oneframe.case.case_file import read_case
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.option_arguments import option_arguments
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import RunError
@@ -63,9 +64,9 @@ def test_all_files_of_the_layout_are_there(reference):
 
 def test_raster_makes_the_same_dataset_in_any_processes(case, tmp_path, run_command):
     """Also in those of the program, which have other threads, and other views before."""
-    options = dataclasses.replace(OPTIONS, count=8, engine="raster", samples=4)
+    options = dataclasses.replace(OPTIONS, count=8, engine="raster", samples=4, occluders=2.0)
     run_here(case, tmp_path / "one", options)
-    arguments = ("--count", 8, "--seed", 3, "--float-depth", "--engine", "raster", "--samples", 4, "--workers", 2)
+    arguments = (*option_arguments(options), "--workers", 2)
     program = [sys.executable, "-m", "oneframe.commands", "render", case, "--out", tmp_path / "two", *arguments]
     ended = run_command([*map(str, program)])
     assert (ended.returncode, ended.stderr) == (0, "")
@@ -191,15 +192,3 @@ def test_a_list_of_poses_grows_at_its_end(case, tmp_path):
         shutil.copytree(tmp_path / name, tmp_path / "differs", dirs_exist_ok=True)
     with pytest.raises(RunError, match="views of other poses than the listed ones are in the folder: 4"):
         run_list(tmp_path / "differs", poses)
-
-
-def test_shards_of_fewer_and_of_more_views_are_merged(case, reference, tmp_path):
-    few = dataclasses.replace(OPTIONS, count=24)
-    run_here(case, tmp_path / "few", few, Shard(0, 2))
-    run_here(case, tmp_path / "more", OPTIONS, Shard(1, 2))
-    for last, first in (("few", "more"), ("more", "few")):
-        out = tmp_path / f"{last} last"
-        for part in (first, last):
-            shutil.copytree(tmp_path / part, out, dirs_exist_ok=True)
-        run_here(case, out)
-        assert_same_dataset(out, reference)

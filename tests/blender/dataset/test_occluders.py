@@ -19,13 +19,11 @@ from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.images.png import encode_png
 from oneframe.occlusion.occluders import draw_occluders, places_doubt
-from oneframe.packing.pack import pack_dataset
 from oneframe.reader import open_dataset
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid
 from tests.conftest import OFFSET, tiny_surface
 from tests.dataset.sealing import sealed
-from tests.tree import tree
 
 pytestmark = pytest.mark.render
 
@@ -127,17 +125,6 @@ def test_cycles_proves_the_masks_and_the_check_finds_damage(case, occluded, tmp_
         finally:
             paths.file(kind).write_bytes(before)
             sealed(occluded)
-
-
-def test_shards_and_packs_hold_the_same(case, occluded, tmp_path):
-    for number in (1, 0):
-        render(case, tmp_path / "shards", shard=Shard(number, 2))
-    render(case, tmp_path / "shards")
-    assert tree(tmp_path / "shards") == tree(occluded)
-    pack_dataset(occluded, tmp_path / "pack")
-    for packed, view in zip(open_dataset(tmp_path / "pack"), open_dataset(occluded), strict=True):
-        for name in ("mask_visib", "mask_whole", "mask_occluder", "mask_surround", "depth_mm", "rgb"):
-            np.testing.assert_array_equal(getattr(packed, name), getattr(view, name))
 
 
 def test_no_instrument_goes_through_the_surface():

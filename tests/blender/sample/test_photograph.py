@@ -10,15 +10,13 @@ bpy = pytest.importorskip("bpy")
 
 from oneframe.blender.sample.photograph import take_photographs
 from oneframe.blender.sample.sample_case import check_sample_case, write_sample_case, write_sample_film
-from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.errors import InputError
 from oneframe.images.image_reader import read_image
 from oneframe.sample.film import DISTURBED
 from oneframe.sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses, sample_surface
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
-from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from oneframe.transforms import rotation_angle_deg
 from oneframe.video.film_reader import Film
 
 pytestmark = pytest.mark.render
@@ -35,43 +33,6 @@ def photograph(surface, camera, pose, path, samples=3) -> np.ndarray:
     """(H, W, 3) code values 0..1."""
     assert list(take_photographs(surface, camera, [(pose, path)], samples=samples)) == [path]
     return read_image(path)[0]
-
-
-def test_silhouette_agrees_with_projection(tmp_path):
-    """A bright convex polygon far from the origin: its photograph covers the pixels that the projection says."""
-    centre = np.array([60.0, -150.0, 1040.0])
-    corners = centre + np.array([[-9, -7, 0], [10, -6, 1.5], [8, 7, 0], [-6, 9, -1.5]])
-    bone = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
-    tissue = dict.fromkeys(("drilled", "nerve", "air_cell", "mucosa", "canal_skin", "soft_tissue", "pool"), np.zeros(4))
-    # front sides (+z) toward the camera
-    camera = PinholeCamera(40, 64, 415.0, 330.0, 15.1, 37.4)
-    rotation = rotation_from_vector(np.array([-0.2, 0.15, -0.5])) @ np.diag([1.0, -1.0, -1.0])
-    pose = rigid(rotation, np.array([-1.0, 1.0, 300.0]) - rotation @ centre)
-    image = photograph(SampleSurface(bone, {}, tissue), camera, pose, tmp_path / "photograph.png", samples=16)
-
-    outline = camera.project(transform_points(pose, corners))
-    covered = coverage(outline, camera)
-    brightness = image.mean(axis=2)
-    seen = brightness > (np.median(brightness[covered == 1]) + np.median(brightness[covered == 0])) / 2
-    assert 300 < (covered == 1).sum() < 0.8 * covered.size
-    # the photograph's pixel filter reaches one pixel beyond the edge
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(covered, 1, mode="edge"), (3, 3))
-    assert seen[around.min(axis=(2, 3)) == 1].all()
-    assert not seen[around.max(axis=(2, 3)) == 0].any()
-    # to a fraction of a pixel: of outlines moved by quarters of a pixel, the one that was not moved fits best
-    shifts = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 5)] * 2), axis=-1).reshape(-1, 2)
-    fits = [np.corrcoef(coverage(outline + shift, camera).ravel(), brightness.ravel())[0, 1] for shift in shifts]
-    np.testing.assert_array_equal(shifts[np.argmax(fits)], [0, 0])
-
-
-def coverage(outline: np.ndarray, camera: PinholeCamera) -> np.ndarray:
-    """(H, W) part of each pixel's square within a convex outline (N, 2), from 25 points a pixel."""
-    ahead = np.roll(outline, -1, axis=0) - outline
-    steps = np.linspace(-0.4, 0.4, 5)
-    points = camera.pixel_grid() + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(25, 1, 1, 2)
-    away = points[..., None, :] - outline
-    sides = ahead[:, 0] * away[..., 1] - ahead[:, 1] * away[..., 0]
-    return ((sides > 0).all(axis=-1) | (sides < 0).all(axis=-1)).mean(axis=0)
 
 
 def test_photographs_are_repeatable_and_leave_the_blender_file_as_it_was(tmp_path, coarse):

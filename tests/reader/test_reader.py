@@ -70,6 +70,16 @@ def test_arrays_are_those_of_the_files(opened, dataset):
         assert all(array.flags.c_contiguous and array.flags.writeable for array in arrays(view).values())
 
 
+def test_depth_without_float_depth_is_the_image_times_its_scale(copied):
+    """As bop_toolkit computes it."""
+    path = copied / "dataset.json"
+    path.write_text(path.read_text().replace('"float_depth": true', '"float_depth": false'))
+    for place, view in enumerate(open_dataset(copied)):
+        image = cv2.imread(str(ViewPaths(copied, place).file("depth")), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(view.depth_mm, image.astype(np.float32) * 0.01)
+        assert view.depth_mm.dtype == np.float32
+
+
 def test_it_is_a_sequence(opened):
     assert (len(opened), opened.name, opened.size_wh) == (4, "lumpy sphere", (64, 48))
     assert [view.index for view in opened] == list(opened.views) == [0, 1, 2, 3]

@@ -19,7 +19,8 @@ from ..video.frame_mask import Resampler
 
 LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
-IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic", ".avif", ".jp2", ".gif")
+"""Endings of images in a folder; what is no PNG or JPEG among them is refused with its name, not passed over."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class FrameReader:
         if folder_or_video.is_dir():
             paths = image_paths(folder_or_video)
             if not paths:
-                raise InputError(f"{folder_or_video}: expected images ({', '.join(IMAGES)}) or a video, found none")
+                raise InputError(f"{folder_or_video}: expected images (PNG or JPEG) or a video, found none")
             chosen = list(enumerate(paths))[::every]
             yield OpenedFrames(len(chosen), (self.image(number, path) for number, path in chosen))
             return

@@ -36,6 +36,12 @@ SMOOTHING_PX = 2.0
 LARGEST_SHIFT_PX = 0.7
 """Farthest that smoothing moves a point from the middle of its pixel's side."""
 
+# walking to the right, down, left and up with the mask on the right-hand side: the corner that a side of the pixel
+# starts at, relative to the pixel; the step to its end; and the neighbour beyond the side; all as (x, y)
+_START = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+_STEP = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)])
+_BEYOND = np.array([(0, -1), (1, 0), (0, 1), (-1, 0)])
+
 
 def line_scale(shape_hw: tuple[int, int]) -> float:
     """Factor of the widths of lines in an image of this size."""
@@ -165,9 +171,10 @@ def _nearest(depth_mm: np.ndarray) -> float:
 
 @dataclass(frozen=True)
 class Outline:
-    """A closed curve with one point for each side of a pixel that it passes.
+    """A closed curve with the mask on its right, one point for each side of a pixel that it passes.
 
-    It starts at its highest point, the leftmost of several, so that what is counted from there moves with the mask.
+    It starts at the highest pixel of the mask on it that has none above, the leftmost of several, so that what is
+    counted from there moves with the mask.
 
     Attributes
     ----------
@@ -198,23 +205,55 @@ def outlines(mask: np.ndarray, *, sigma_px: float) -> list[Outline]:
         Standard deviation of the smoothing along the curve. It is corrected once for what it takes away from bends
         (Taubin, "A signal processing approach to fair surface design", SIGGRAPH 1995).
     """
-    # a stock Blender renders without scikit-image
-    from skimage.measure import find_contours
-
     if not mask.any():
         return []
     rows, columns = mask_box(mask)
-    padded, corner = np.pad(mask[rows, columns], 1), np.array([columns.start - 1, rows.start - 1])
-    curves: list[Outline] = []
-    for curve in find_contours(padded.astype(np.float64), 0.5, fully_connected="low"):
-        # the last point is the first one again
-        points = curve[:-1, ::-1]
-        points = np.roll(points, -np.lexsort(points.T)[0], axis=0)
-        before, behind = np.floor(points).astype(np.int64), np.ceil(points).astype(np.int64)
-        is_inner = padded[before[:, 1], before[:, 0]][:, None]
-        inner, outer = np.where(is_inner, before, behind), np.where(is_inner, behind, before)
-        curves.append(Outline(_smoothed(points + corner, sigma_px), inner + corner, outer + corner))
-    return curves
+    corner = np.array([columns.start, rows.start])
+    inner, side = _sides(mask[rows, columns])
+    following = _following(inner, side).tolist()
+    curves: list[list[int]] = []
+    seen = bytearray(len(side))
+    # every curve passes tops of pixels, which come first, row by row
+    for first in range(int((side == 0).sum())):
+        if seen[first]:
+            continue
+        curve, at = [], first
+        while not seen[at]:
+            seen[at] = 1
+            curve.append(at)
+            at = following[at]
+        curves.append(curve)
+    return [
+        Outline(
+            _smoothed(inner[curve] + corner + 0.5 * _BEYOND[side[curve]], sigma_px),
+            inner[curve] + corner,
+            inner[curve] + corner + _BEYOND[side[curve]],
+        )
+        for curve in curves
+    ]
+
+
+def _sides(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sides of pixels of the mask to others: ``(S, 2)`` pixel (x, y), ``(S,)`` 0 top, 1 right, 2 bottom, 3 left."""
+    padded = np.pad(mask, 1)
+    height, width = mask.shape
+    found = []
+    for x, y in _BEYOND:
+        beyond = padded[1 + y : 1 + y + height, 1 + x : 1 + x + width]
+        found.append(np.stack(np.nonzero(mask & ~beyond)[::-1], axis=1))
+    return np.concatenate(found), np.repeat(np.arange(4), [len(each) for each in found])
+
+
+def _following(inner: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """``(S,)`` the side that follows each on its curve: it turns right where it can, so that corners do not connect."""
+    start = inner + _START[side]
+    end = start + _STEP[side]
+    width, height = start.max(axis=0) + 1
+    at = np.full((4, int(width * height)), -1)
+    at[side, start[:, 1] * width + start[:, 0]] = np.arange(len(side))
+    place = end[:, 1] * width + end[:, 0]
+    right, straight, left = (at[(side + turn) % 4, place] for turn in (1, 0, 3))
+    return np.where(right >= 0, right, np.where(straight >= 0, straight, left))
 
 
 def _smoothed(points: np.ndarray, sigma_px: float) -> np.ndarray:

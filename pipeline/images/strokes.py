@@ -1,8 +1,25 @@
 """Antialiased lines, by the distance of every pixel near them: for pictures made without a library that draws."""
 
+from itertools import pairwise
+
 import numpy as np
 
-from ..kernels.compiled import compiled
+LONGEST_PX = 4.0
+"""Longer segments are cut, so that the pixels near each lie in a small square."""
+
+SIZES_PX = (1.2, 2.4)
+"""Pieces up to these lengths have smaller squares."""
+
+_BLOCK = 1 << 16
+"""Pixels whose distance is computed at a time."""
+
+
+def pieces_of(lengths: np.ndarray, longest_px: float = LONGEST_PX) -> tuple[np.ndarray, np.ndarray]:
+    """``(N,)`` lengths -> ``(M,)`` segment of each piece, ``(M, 2)`` where on it the piece begins and ends, 0..1."""
+    count = np.maximum(np.ceil(lengths / longest_px), 1).astype(np.int64)
+    segment = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(segment)) - np.repeat(np.cumsum(count) - count, count)
+    return segment, np.stack([number, number + 1], axis=1) / count[segment, None]
 
 
 def line_distance(segments: np.ndarray, shape_hw: tuple[int, int], reach_px: float) -> tuple[np.ndarray, np.ndarray]:
@@ -22,28 +39,58 @@ def line_distance(segments: np.ndarray, shape_hw: tuple[int, int], reach_px: flo
     ``(M,)`` index ``row * width + column`` of each pixel in increasing order, and ``(M,)`` float32 distance of its
     centre to the nearest segment, px.
     """
-    low = np.clip(np.floor(segments.min(axis=(0, 1)) - reach_px), 0, shape_hw[::-1]).astype(np.int64)
-    high = np.clip(np.ceil(segments.max(axis=(0, 1)) + reach_px) + 1, low, shape_hw[::-1]).astype(np.int64)
-    # of the part of the image that they lie in
-    near = np.full((high - low)[::-1], np.inf, np.float32)
-    _lower(near, segments - low, reach_px)
-    row, column = np.nonzero(near <= reach_px)
-    return (row + low[1]) * shape_hw[1] + column + low[0], near[row, column]
+    segment, along = pieces_of(np.hypot(*(segments[:, 1] - segments[:, 0]).T))
+    start, direction = segments[segment, 0], segments[segment, 1] - segments[segment, 0]
+    pieces = start[:, None] + along[:, :, None] * direction[:, None]
+    radius = _radius(reach_px, LONGEST_PX)
+    middle = np.rint(0.5 * (pieces[:, 0] + pieces[:, 1]))
+    kept = ((middle >= -radius) & (middle < np.array(shape_hw[::-1]) + radius)).all(axis=1)
+    if not kept.any():
+        return np.zeros(0, np.int64), np.zeros(0, np.float32)
+    pieces, middle = pieces[kept], middle[kept].astype(np.int64)
+    # in the part of the image that they lie in
+    low = np.maximum(middle.min(axis=0) - radius, 0)
+    width, height = np.minimum(middle.max(axis=0) + radius + 1, shape_hw[::-1]) - low
+    near = np.full((height, width), np.inf, np.float32)
+    pieces, middle = pieces - low, middle - low
+    length = np.hypot(*(pieces[:, 1] - pieces[:, 0]).T)
+    for shortest, longest in pairwise((-1.0, *SIZES_PX, LONGEST_PX + 1e-6)):
+        of_size = (length > shortest) & (length <= longest)
+        _lower(near, pieces[of_size], middle[of_size], _radius(reach_px, longest), reach_px)
+    near = near.ravel()
+    touched = np.flatnonzero(near <= reach_px)
+    row, column = np.divmod(touched, width)
+    return (row + low[1]) * shape_hw[1] + column + low[0], near[touched]
 
 
-@compiled
-def _lower(near: np.ndarray, segments: np.ndarray, reach_px: float) -> None:
-    """Lower ``(H, W)`` distances to those to ``(N, 2, 2)`` segments, in the box of each one's surroundings."""
+def _radius(reach_px: float, length_px: float) -> int:
+    """Half the side of the square of pixels around the middle of a piece in which all within reach lie."""
+    return int(np.ceil(reach_px + length_px / 2 + 0.5))
+
+
+def _lower(near: np.ndarray, pieces: np.ndarray, middle: np.ndarray, radius: int, reach_px: float) -> None:
+    """Lower ``(H, W)`` distances to those to ``(N, 2, 2)`` pieces with ``(N, 2)`` middles, in squares around these."""
     height, width = near.shape
-    for number in range(len(segments)):
-        ax, ay, bx, by = segments[number, 0, 0], segments[number, 0, 1], segments[number, 1, 0], segments[number, 1, 1]
+    offset = np.arange(-radius, radius + 1)
+    step = max(_BLOCK // len(offset) ** 2, 1)
+    for begin in range(0, len(pieces), step):
+        part, pixel = pieces[begin : begin + step], middle[begin : begin + step]
+        (ax, ay), (bx, by) = ((part[:, end] - pixel).astype(np.float32).T for end in (0, 1))
         dx, dy = bx - ax, by - ay
-        squared = max(dx * dx + dy * dy, 1e-12)
-        for row in range(max(int(min(ay, by) - reach_px), 0), min(int(max(ay, by) + reach_px) + 1, height)):
-            for column in range(max(int(min(ax, bx) - reach_px), 0), min(int(max(ax, bx) + reach_px) + 1, width)):
-                along = min(max(((column - ax) * dx + (row - ay) * dy) / squared, 0.0), 1.0)
-                distance = np.hypot(column - ax - along * dx, row - ay - along * dy)
-                near[row, column] = min(near[row, column], distance)
+        squared = np.maximum(dx * dx + dy * dy, np.float32(1e-12))
+        # (piece, row, column)
+        right = offset.astype(np.float32) - ax[:, None]
+        down = offset.astype(np.float32) - ay[:, None]
+        along = (right * (dx / squared)[:, None])[:, None, :] + (down * (dy / squared)[:, None])[:, :, None]
+        np.clip(along, 0, 1, out=along)
+        across = right[:, None, :] - along * dx[:, None, None]
+        along *= -dy[:, None, None]
+        along += down[:, :, None]
+        distance = np.sqrt(across * across + along * along)
+        x, y = pixel[:, 0, None] + offset, pixel[:, 1, None] + offset
+        inside = ((x >= 0) & (x < width))[:, None, :] & ((y >= 0) & (y < height))[:, :, None] & (distance <= reach_px)
+        index = (y[:, :, None] * width + x[:, None, :])[inside]
+        np.minimum.at(near.ravel(), index, distance[inside])
 
 
 def coverage(distance_px: np.ndarray, width_px: float) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..images.layer_stack import Colour, Layer, SurfaceLayer
+from ..images.strokes import pieces_of
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, transform_points
 from .silhouette import SilhouetteEdges
@@ -101,7 +102,7 @@ def visible_contours(
         near &= (np.maximum(v0, v1) >= -0.5) & (np.minimum(v0, v1) <= camera.height - 0.5)
         near &= np.maximum(np.abs(u1 - u0), np.abs(v1 - v0)) < max(camera.size_wh)
     pixels, inverse = pixels[:, near], 1 / depths[:, near]
-    edge, along = _pieces(np.hypot(*(pixels[1] - pixels[0]).T))
+    edge, along = pieces_of(np.hypot(*(pixels[1] - pixels[0]).T), PIECE_PX)
     start, direction = pixels[0][edge], (pixels[1] - pixels[0])[edge]
     # not as means: numpy is slow at reductions along an axis of two
     middle = 0.5 * (along[:, 0] + along[:, 1])
@@ -126,11 +127,3 @@ def visible_contours(
         for kept in (ending, step)
     )
     return first, last
-
-
-def _pieces(lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``(N,)`` lengths -> ``(M,)`` edge of each piece, ``(M, 2)`` where on it the piece begins and ends, 0..1."""
-    count = np.maximum(np.ceil(lengths / PIECE_PX), 1).astype(np.int64)
-    edge = np.repeat(np.arange(len(count)), count)
-    number = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
-    return edge, np.stack([number, number + 1], axis=1) / count[edge, None]

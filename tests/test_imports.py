@@ -50,8 +50,11 @@ def imports_of(path: Path) -> set[str]:
 
 @pytest.mark.render
 def test_rendering_needs_nothing_that_a_stock_blender_lacks(write_tiny_case, tmp_path):
-    missing = ("av", "cv2", "isal", "skimage", "scipy", "yaml", "PIL", "trimesh", "OpenImageIO")
+    missing = ("av", "cv2", "isal", "numba", "skimage", "scipy", "yaml", "PIL", "trimesh", "OpenImageIO")
     case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
+    # the dataset's overlay shows it
+    structure = '[[structures]]\nname = "nerve"\nmesh = "surface.ply"\ncolor = "#ff00ff"\n'
+    case.write_text(case.read_text() + structure)
     ended = run(
         f"import sys; sys.modules.update(dict.fromkeys({missing!r}))\n"
         f"sys.argv[1:] = [{str(case)!r}, '--out', {str(out)!r}, '--count', '2', '--workers', '1']\n"

@@ -146,11 +146,15 @@ def shown_codes(rgb: np.ndarray, factors: np.ndarray | None = None, curve: Trans
 
 
 def lit_by_lamp(
-    mesh: TriangleMesh, lens: LensShading, faces: np.ndarray, points: np.ndarray, pose: np.ndarray
+    mesh: TriangleMesh, lens: LensShading, faces: np.ndarray | None, points: np.ndarray, pose: np.ndarray
 ) -> np.ndarray:
-    """``(N,)`` float32, 1 where the lamp at the lens of a pose reaches points ``(N, 3)`` of faces, else 0."""
+    """``(N,)`` float32, 1 where the lamp at the lens of a pose reaches points ``(N, 3)`` of faces, else 0.
+
+    Without faces their places alone tell what the lamp's rays meet.
+    """
     part, met = first_met(mesh, lens.at(pose)[0].place_model(pose), points)
-    return ((met == faces) | (part > 1 - SAME_PLACE)).astype(np.float32)
+    reached = part > 1 - SAME_PLACE
+    return (reached if faces is None else reached | (met == faces)).astype(np.float32)
 
 
 def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading:
@@ -158,9 +162,9 @@ def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading
     light, name = loaded.case.lens_light, loaded.case.path.name
     depths = [_small_depth_mm(loaded.surface.mesh, frame) for frame in loaded.frames]
     nearest = min(float(depth[depth > 0].min(initial=np.inf)) for depth in depths)
-    # views come nearer to the surface than the frames: the lamp must not get into it
     if shadows and light.lamp_cam_mm is None:
         raise InputError(f"{name}: [light]: expected lamp_cam_mm for shadows, found vignetting alone; use --light lens")
+    # views come nearer to the surface than the frames: the lamp must not get into it
     if light.place_cam_mm[2] > nearest * FARTHEST_BEFORE:
         raise InputError(
             f"{name}: [light] lamp_cam_mm: expected a lamp at the lens, at most a quarter of the way to the surface "

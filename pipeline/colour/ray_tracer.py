@@ -82,7 +82,7 @@ class _Painter:
 
 
 class _Seen(NamedTuple):
-    """What rays of a view meet; the mesh's vertices in the view, and the faces that show it their front."""
+    """What rays of a view meet, its vertices in pixels, and the faces that show it their front; camera and pose."""
 
     met: Met
     points: np.ndarray

@@ -109,9 +109,8 @@ def _lit_views(reference: ReferenceView, light: LensShading) -> tuple[SeenFrame,
     """
     views = []
     for view in reference.views:
-        lit, points = view.inverse_depth > 0, view.shown_points()
-        no_face = np.full(len(points), -2)
-        lit[lit] = lit_by_lamp(reference.mesh, light, no_face, points, view.cam_from_model) > 0
+        lit = view.inverse_depth > 0
+        lit[lit] = lit_by_lamp(reference.mesh, light, None, view.shown_points(), view.cam_from_model) > 0
         views.append(_limited_to(view, lit))
     return tuple(views)
 

@@ -42,7 +42,7 @@ PLAIN_PEER = "PyVista, no MSAA, no light"
 JUDGED_VIEWS = 3
 """Planned views that are compared with the reference."""
 UNTIMED_VIEWS = 4
-"""Views at either end of a run during which not all processes work."""
+"""Views at the end of a run during which not all processes work."""
 FEWEST_OBSERVED = 1000
 """Pixels of the observed surface in a photograph that is compared."""
 BARE = "Cycles alone: 1 ray, no colour, nothing read or written"

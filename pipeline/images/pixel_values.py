@@ -49,13 +49,6 @@ def linear_from_codes(codes: np.ndarray, curve: Transfer = SRGB) -> np.ndarray:
     return np.where(codes <= curve.straight, codes / curve.slope, power)
 
 
-def codes_from_linear(linear: np.ndarray, curve: Transfer = SRGB) -> np.ndarray:
-    """Linear light -> code values, float64 of any shape."""
-    linear = np.asarray(linear, dtype=np.float64)
-    power = (1 + curve.shift) * np.maximum(linear, 0) ** (1 / curve.gamma) - curve.shift
-    return np.where(linear <= curve.straight / curve.slope, linear * curve.slope, power)
-
-
 def mask_box(mask: np.ndarray, margin_px: int = 0) -> tuple[slice, slice]:
     """The rows and columns of an ``(H, W)`` bool mask, with a margin as far as the image goes.
 

@@ -13,9 +13,9 @@ from oneframe.case.case_file import read_case
 from oneframe.case.loaded_case import load_case
 from oneframe.colour.reference_view import baked_colour_of, reference_view
 from oneframe.images.masked_frame import UNSEEN
-from oneframe.images.pixel_values import codes_from_linear
 from oneframe.images.png import encode_png
 from tests.addon.conftest import pixels_of, refused
+from tests.codes import codes_from_linear
 
 pytestmark = pytest.mark.render
 

@@ -13,7 +13,7 @@ from blender_addon.view.overlay_passes import HIDDEN_ALPHA, STRUCTURE_ALPHA, Pro
 from oneframe.blender.bridge.data_blocks import absolute_path
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.images.image_reader import read_image
-from oneframe.images.pixel_values import codes_from_linear
+from tests.codes import codes_from_linear
 
 CAMERA = PinholeCamera(200, 150, 1500.0, 1480.0, 104.5, 70.25)
 OPERATORS = ("cycle_opacity", "zoom_frame", "fit_frame")

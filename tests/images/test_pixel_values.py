@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.images.contact_sheet import downscaled
-from oneframe.images.pixel_values import among_centres, codes_from_linear, linear_from_codes, sample_bilinear, to_uint8
+from oneframe.images.pixel_values import among_centres, linear_from_codes, sample_bilinear, to_uint8
 from oneframe.images.transfer import TRANSFERS
+from tests.codes import codes_from_linear
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 

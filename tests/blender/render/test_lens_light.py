@@ -15,12 +15,13 @@ from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.description import describe
 from oneframe.dataset.options import COLOURS, DatasetOptions
 from oneframe.errors import InputError
-from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
+from oneframe.images.pixel_values import linear_from_codes
 from oneframe.images.transfer import TRANSFERS
 from oneframe.light.lens_light import LensLight
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from tests.blender.render.test_ray_tracer import FEW, assert_those_of_cycles
+from tests.codes import codes_from_linear
 
 pytestmark = pytest.mark.render
 

@@ -8,13 +8,13 @@ import pytest
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.frame import PosedFrame
 from oneframe.errors import InputError
-from oneframe.images.pixel_values import codes_from_linear
 from oneframe.images.transfer import TRANSFERS
 from oneframe.light.find_lamp import find_lamp, lamp_of
 from oneframe.light.lens_light import LensLight, shading, working_distance_mm
 from oneframe.light.shaded_points import ShadedPoints
 from oneframe.projection.z_buffer import rasterise_depth, seen_normals
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+from tests.codes import codes_from_linear
 from tests.conftest import grid_mesh
 
 CAMERA = PinholeCamera(160, 120, fx=600.0, fy=600.0, cx=79.5, cy=59.5)

@@ -7,7 +7,7 @@ import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.lens_shading import LensShading
-from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
+from oneframe.images.pixel_values import linear_from_codes
 from oneframe.images.transfer import TRANSFERS
 from oneframe.light.lens_light import LensLight
 from oneframe.occlusion.compositing import Front, head_light
@@ -17,6 +17,7 @@ from oneframe.projection.rendered_view import RenderedView
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh, distinct_points
 from oneframe.transforms import rigid, rotation_from_vector, transform_points
+from tests.codes import codes_from_linear
 from tests.conftest import joined
 
 CAMERA = PinholeCamera(97, 71, fx=460.0, fy=440.0, cx=51.3, cy=33.8)

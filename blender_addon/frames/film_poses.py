@@ -27,7 +27,6 @@ from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
 from ..pipeline.registration.pose_list import encoded_list, pose_entry, registered_of, registration_record
 from ..pipeline.registration.register import RegisteredFrame, Registrar, RegistrationRun, marked
-from ..pipeline.registration.surface_check import SurfaceCheck
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmChange, Verdict
 from ..setup.alignment_record import pose_record, tool_and_date
 from ..setup.queued import present, queue_of
@@ -65,15 +64,12 @@ class FilmPoses:
         Number in the film -> what was found, without the fit.
     change
         What the film no longer shows as the case's frame does.
-    check
-        What the frames of the latest run tell of the surface.
     """
 
     reference: AlignedFrame
     file: Path | None
     frames: dict[int, RegisteredFrame] = field(default_factory=dict)
     change: FilmChange | None = None
-    check: SurfaceCheck | None = None
 
     def register(self, registrar: Registrar, film: FilmSession, progress: Callable[[float], None]) -> None:
         """Register the scored frames that are not yet, or all again, in any thread; however it ends, they are kept."""
@@ -97,7 +93,6 @@ class FilmPoses:
         finally:
             self.frames |= marked(self.frames | run.judged(), self.change)
             self.write()
-        self.check = run.check_surface(self.frames)
 
     def write(self) -> None:
         """Keep them in their file."""

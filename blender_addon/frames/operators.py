@@ -68,8 +68,7 @@ class ONEFRAME_OT_register_frames(NeedsFrames, InBackground):
 
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:
         forget_stamps()
-        check = self._found.check
-        return (f"{self._film.path.name}: {self._found.summary()}", *([check.words] if check and check.words else []))
+        return (f"{self._film.path.name}: {self._found.summary()}",)
 
 
 class ONEFRAME_OT_case_frame(Available):

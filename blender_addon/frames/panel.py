@@ -118,8 +118,6 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
         by = registered.reference.name
         origin = "" if by == bpy.path.basename(scene.oneframe.frame_path) else f" By {by}."
         draw_text(layout, f"{part}{registered.summary()}.{origin}", lines=2)
-        if registered.check is not None and registered.check.words:
-            draw_text(layout, f"T{registered.check.words[1:]}.", lines=4)
         row = layout.row(align=True)
         row.operator("screen.animation_play", text="Play", icon="PLAY")
         row.operator("oneframe.queue_found", text="To Queue", icon="ADD")

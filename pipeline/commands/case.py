@@ -41,7 +41,8 @@ class Arguments:
     frame: Path = option("FILE", "PNG or JPEG, or a video", MISSING)
     frame_number: int | None = option("N", "frame N of the video, counted from 0", least=0)
     mask: Path | None = option(
-        "FILE", "an image of the frame's size, grey or with alpha: 0 shows no surface; joins the frame's own alpha"
+        "FILE", "of the frame's size, grey or with alpha: 0 shows no surface, one other value the rest; joins the "
+        "frame's own alpha"
     )  # fmt: skip
     camera: Path | None = option(
         "FILE", "K and distortion: JSON, YAML of OpenCV, ROS or Kalibr, BOP, COLMAP, another case",

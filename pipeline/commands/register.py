@@ -159,8 +159,6 @@ def _report(evidence: "RegistrationEvidence", out: Path) -> Iterator[str]:
         yield "note: no frame is sure to show what the case's frame shows: is it the same surface, side and zoom?"
     if evidence.change is not None:
         yield f"note: {evidence.change.words()}"
-    if evidence.surface is not None and evidence.surface.words:
-        yield f"note: {evidence.surface.words}: see {out / PAGE}"
     yield ", ".join(f"{count} {state}" for state, count in evidence.counts.items()) + f": {out / POSES}"
     if evidence.is_film:
         yield f"the film with the overlay: {out / FILM}"

@@ -24,6 +24,7 @@ from ..colour.reference_view import reference_view, traced_surface
 from ..colour.shading import ColouredSurface
 from ..dataset.options import NONE, SHADOWS
 from ..errors import InputError
+from ..files.content import read_beginning
 from ..files.outputs import check_own_folder, write_output
 from ..images.contact_sheet import contact_sheet
 from ..images.pixel_values import mask_box, to_uint8
@@ -154,7 +155,7 @@ def _angle_deg(frames: Sequence[PosedFrame], pose: np.ndarray, pivot_model: np.n
 def _shown_surfaces(case: EvaluationCase, trace: Render, numbers: Iterable[int]) -> Iterator[ShownSurface]:
     for number in numbers:
         photograph = case.photographs[number]
-        frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=case.loaded.case.path.name)
+        frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=case.images[number])
         view = trace(frame.cam_from_model)
         yield ShownSurface(number, frame.image, view.mask & frame.valid, view.observed & frame.valid)
 
@@ -200,12 +201,9 @@ def evaluation_run(
         given.append((loaded, listed))
     cases = named_cases(given)
     network = None if inception is None else Inception(inception)
-    photographs = {
-        f"photograph {number} of {case.name}": photograph.image
-        for case in cases
-        for number, photograph in enumerate(case.photographs, start=1)
-    }
-    check_own_folder(out, "|".join(map(re.escape, (TABLE, MARKDOWN, FIGURE))), photographs)
+    for photograph in (photograph for case in cases for photograph in case.photographs):
+        read_beginning(photograph.image, "a photograph", 1)
+    check_own_folder(out, "|".join(map(re.escape, (TABLE, MARKDOWN, FIGURE))), {})
     return EvaluationRun(out, cases, methods, seed, network)
 
 

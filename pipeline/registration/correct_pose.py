@@ -26,7 +26,6 @@ from ..transforms import camera_centre, cross_matrices, inverse_rigid, rotation_
 from .flow_refinement import FlowFit
 from .further_frames import FrameReader, FurtherFrame
 from .register import Registrar
-from .surface_check import SurfaceCheck
 from .verdict import ACCEPTED, SPREAD, blocks_of
 
 MOST_FRAMES, LEAST_FRAMES = 24, 3
@@ -38,9 +37,6 @@ LEAST_AGREEMENT = 0.6
 """Share of the pixels that agree at the end: 0.7 to 0.85 where the pose comes back, up to 0.45 where it does not."""
 LARGEST_DEG = 1.0
 """Standard deviation of the rotation above which the frames leave the pose open."""
-MOST_WRONG = 0.5
-"""Of the places that frames put elsewhere at the case's pose, the part that may be there at the corrected one too: 0.02
-where that pose was off, 0.7 and more where the surface is wrong."""
 LOSS = Loss(1.0)
 MOST_STEPS, SETTLED = 60, 1e-6
 """Steps of a fit, and the share of the cost below which one is the last."""
@@ -115,7 +111,6 @@ def _settled(
     Returns the case at its new pose, the last fit, and the ``(N, 3)`` points that it is from.
     """
     poses, loaded, pivot = dict[int, np.ndarray](), registrar.loaded, registrar.pivot_model
-    before: SurfaceCheck | None = None
     for number in range(MOST_ROUNDS):
         if poses:
             registrar = Registrar(loaded)
@@ -128,8 +123,6 @@ def _settled(
             progress((number + done / len(frames)) / MOST_ROUNDS)
         if len(fits) < LEAST_FRAMES:
             break
-        if not poses:
-            before = _checked(registrar, frames, {key: each.cam_from_model for key, each in fits.items()})
         correction = PoseCorrection(registrar.mesh, registrar.camera, pivot)
         fit = correction.fit(registrar.cam_from_model, [_track(registrar, each) for each in fits.values()])
         loaded = registrar.loaded.posed(fit.cam_from_model @ inverse_rigid(loaded.surface.mesh_from_model), UNKNOWN)
@@ -150,17 +143,7 @@ def _settled(
             f"expected one pose of the case's frame with which the frames agree, found {fit.agreement:.0%} of "
             "their pixels in agreement; the pose is too far off, or the surface is wrong: align the frame again"
         )
-    now = None if before is None else _checked(Registrar(loaded), frames, poses)
-    if before is not None and now is not None and now.words and now.share > MOST_WRONG * before.share:
-        raise InputError(
-            "expected a pose of the case's frame at which the frames agree with the surface, found none: "
-            f"{now.words}; take a surface of the stage that the frames show"
-        )
     return loaded, fit, points
-
-
-def _checked(registrar: Registrar, frames: Sequence[FurtherFrame], poses: dict[int, np.ndarray]) -> SurfaceCheck | None:
-    return registrar.check_surface([each for each in frames if each.number in poses], poses)
 
 
 def _moved_px(points_model: np.ndarray, before: LoadedCase, after: LoadedCase) -> float:

@@ -27,7 +27,7 @@ from ..video.frame_mask import Resampler
 
 LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
-IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".heic", ".avif", ".jp2", ".gif")
+IMAGES = (".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".tif", ".tiff", ".bmp", ".webp", ".heic", ".avif", ".jp2", ".gif")
 """Endings of images in a folder; what is no PNG or JPEG among them is refused with its name, not passed over."""
 
 

@@ -8,17 +8,14 @@ import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
 from ..camera.pinhole import PinholeCamera
-from ..case.frame import PosedFrame
 from ..case.loaded_case import LoadedCase
 from ..colour.reference_view import reference_view
 from ..errors import InputError
 from ..files.numbers import format_two_digits
 from ..transforms import camera_centre, inverse_rigid
-from . import surface_check
 from .flow_refinement import FlowFit, refined_by_flow
-from .further_frames import LONGER_SIDE_PX, FrameReader, FurtherFrame, evenly, small_frame
+from .further_frames import LONGER_SIDE_PX, FrameReader, FurtherFrame, small_frame
 from .known_views import KnownViews, Localised, ViewBank, bank_of, grey_codes, localised
-from .surface_check import SurfaceCheck, check_surface
 from .verdict import (
     ACCEPTED,
     DOUBTFUL,
@@ -40,7 +37,7 @@ SURFACE_SHARE = 1 / 3000
 """Standard deviation of the surface's depth as a whole, seen from the aligned frame, relative to the distance: 0.1 mm
 at 300 mm. Two surfaces from CT with voxels of 0.4 mm were 0.05 and 0.1 mm off; half or twice as much covers as many."""
 MOST_KEPT = 60
-"""Accepted frames whose images are kept, to check and to colour the surface: of more, evenly chosen ones."""
+"""Accepted frames whose images are kept, to colour the surface: of more, evenly chosen ones."""
 
 Guess = Callable[[np.ndarray, PinholeCamera], Iterable[np.ndarray]]
 """Gives first poses ``cam_from_model`` of an undistorted image ``(H, W, 3)`` uint8, the likeliest first, as needed."""
@@ -151,15 +148,6 @@ class Registrar:
             )
         return bank
 
-    def check_surface(self, frames: Sequence[FurtherFrame], poses: Mapping[int, np.ndarray]) -> SurfaceCheck | None:
-        """What frames at their poses, by number, tell of the surface; ``None`` if too few or too near to each other."""
-        others = [
-            PosedFrame(each.image.astype(np.float32) / 255, each.valid, self.camera, poses[each.number])
-            for each in evenly(frames, surface_check.MOST_FRAMES)
-        ]
-        case_frame, *others = (small_frame(each, surface_check.LONGER_SIDE_PX) for each in (self.case_view, *others))
-        return check_surface(self.mesh, self.pivot_model, case_frame, others)
-
 
 class RegistrationRun:
     """Registers frames one after the other, and keeps what each tells alone, and what all tell together.
@@ -205,10 +193,6 @@ class RegistrationRun:
         """The kept frames that are still accepted, and show the surface as the case's frame does."""
         poses = accepted_poses(frames)
         return [each for each in self.kept if each.number in poses]
-
-    def check_surface(self, frames: Mapping[int, RegisteredFrame]) -> SurfaceCheck | None:
-        """What frames, as they are judged, tell of the surface."""
-        return self.registrar.check_surface(self.accepted(frames), accepted_poses(frames))
 
 
 def judged_together(frames: Sequence[RegisteredFrame]) -> list[RegisteredFrame]:

@@ -26,7 +26,6 @@ from .colouring_frames import colouring_frames
 from .further_frames import CAMERA, ListedImage, listed_images
 from .pose_list import POSES, encoded_list, pose_entry
 from .register import RegisteredFrame, Registrar, RegistrationRun, accepted_poses, marked
-from .surface_check import SurfaceCheck
 from .verdict import ACCEPTED, COLOURS, DOUBTFUL, REFUSED, WITHIN_PX, FilmChange, Verdict
 
 FILM, PAGE, CASE = "overlay.mp4", "registration.html", "case.toml"
@@ -99,8 +98,6 @@ class RegistrationEvidence:
         Whether the frames follow each other.
     change
         What a film no longer shows as the case's frame does, if anything.
-    surface
-        What the frames tell of the surface; ``None`` if they are too few or too near to one another.
     cut_off
         A sentence if the film is cut off, else empty.
     colouring, colouring_lines
@@ -112,7 +109,6 @@ class RegistrationEvidence:
     alignment: PoseRecord
     is_film: bool
     change: FilmChange | None = None
-    surface: SurfaceCheck | None = None
     cut_off: str = ""
     colouring: tuple[UnreadFrame, ...] = ()
     colouring_lines: tuple[str, ...] = ()
@@ -183,8 +179,8 @@ def register_case(
         chosen, lines = colouring_frames(registrar.mesh, registrar.case_view, candidates, colour_frames)
     colouring = _unread_frames(loaded, images or frames, out, {number: poses[number] for number in chosen})
     return RegistrationEvidence(
-        evidence, registrar.case_view.image, loaded.case.alignment, is_film, change, run.check_surface(judged),
-        opened.cut_off, colouring, tuple(lines),
+        evidence, registrar.case_view.image, loaded.case.alignment, is_film, change, opened.cut_off,
+        colouring, tuple(lines),
     )  # fmt: skip
 
 

@@ -5,11 +5,9 @@ import math
 import numpy as np
 
 from ..files.numbers import format_two_digits
-from ..images.pixel_values import to_uint8
 from ..registration.register_case import FrameEvidence, RegistrationEvidence
-from ..registration.surface_check import LEAST_ANGLE_DEG, LEAST_FRAMES, SurfaceCheck
 from ..registration.verdict import COLOURS, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
-from .page import Column, Item, html_page, lines_of, picture_of, webp
+from .page import Column, Item, html_page, lines_of
 
 COLUMNS = (
     Column("state_word", "State", "whether the pose is accepted"),
@@ -18,7 +16,6 @@ COLUMNS = (
     Column("rotation_deg", "Rotation", "standard deviation about the least certain axis", 2, "°"),
     Column("position_mm", "Position", "standard deviation along the least certain axis", 2, " mm"),
 )
-PICTURE_PX, QUALITY = 900, 80
 
 
 def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
@@ -34,10 +31,6 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         f"right means within {WITHIN_DEG:g}°, {100 * WITHIN_SHARE:g} % of the distance and {WITHIN_PX:g} px",
     ]
     sections = [("Where it may be wrong", lines_of(_limits(evidence)))]
-    if evidence.surface is not None and evidence.surface.words:
-        picture = to_uint8(evidence.surface.picture(evidence.image))[..., ::-1]
-        about = "Where the surface is probably wrong: red is nearer to the lens, blue farther"
-        sections.append((about, picture_of(webp(picture, PICTURE_PX, QUALITY), "The case's frame")))
     if evidence.colouring_lines:
         lines = [*evidence.colouring_lines, "A frame colours what the case's own and those before it did not see."]
         sections.append(("Frames that colour the surface", lines_of(lines)))
@@ -58,18 +51,6 @@ def _item(frame: FrameEvidence) -> Item:
     return Item(str(frame.number), (frame.picture,), figures, frame.verdict.reason, frame.verdict.state)
 
 
-def _doubt_of_surface(check: SurfaceCheck | None) -> str:
-    if check is None:
-        return (
-            f"The surface is taken for right: to check it takes {LEAST_FRAMES} accepted frames over "
-            f"{LEAST_ANGLE_DEG:g}°."
-        )
-    if check.words:
-        return f"{check.words[:1].upper()}{check.words[1:]}: so are depths and colours there."
-    told = np.isfinite(check.off_mm).mean()
-    return f"The surface is where {check.frames} frames see it, as far as they tell: of {told:.0%} of the case's frame."
-
-
 def _limits(evidence: RegistrationEvidence) -> list[str]:
     record = evidence.alignment
     own = "; it states no error" if record.error_px is None else f"; it states {format_two_digits(record.error_px)} px"
@@ -79,7 +60,7 @@ def _limits(evidence: RegistrationEvidence) -> list[str]:
         "Look at its overlay first.",
         *([f"The case's pose itself is in doubt: {record.doubt}"] if record.doubt else []),
         *([] if evidence.change is None else [evidence.change.words()]),
-        _doubt_of_surface(evidence.surface),
+        "The surface is taken for right: depths, structures and colours are no better than it is.",
         "Where it is drilled meanwhile, a film says so only of places that it showed before from the same side; single "
         "frames say nothing.",
         "One K is taken for all frames: a zoom by less than their scatter looks like another distance.",

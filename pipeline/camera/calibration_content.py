@@ -6,6 +6,7 @@ The format is told by content: a case file or other TOML, JSON (K or fx, fy, cx,
 """
 
 import re
+from functools import lru_cache
 from pathlib import Path
 
 from ..errors import InputError
@@ -24,6 +25,8 @@ COLMAP_PARAMETERS = {
 """Parameters of COLMAP's camera models, in the order of its files (src/colmap/sensor/models.h)."""
 
 
+# a scene of BOP has a camera an image
+@lru_cache(maxsize=1)
 def content_table(data: bytes, path: Path) -> object:
     """The content of a file; another kind of file, or a damaged one, is an ``InputError``."""
     name, suffix, text = path.name, path.suffix.lower(), decoded(data)

@@ -11,6 +11,7 @@ from ..camera.intrinsics_file import CameraFile
 from ..camera.pinhole import PinholeCamera
 from ..camera.plausibility import fit_of
 from ..errors import InputError
+from ..files.keys import file_and_place
 from ..files.numbers import MM_PER_UNIT
 from ..files.outputs import check_outputs, writing
 from ..images.masked_frame import with_mask_tinted
@@ -206,9 +207,9 @@ def _with_pose(case: Case, given: CaseInputs, surface: SurfaceFolder, mesh: Tria
     centre = mesh.vertices.mean(axis=0)
     mesh_from_model, model = rigid(translation=centre), mesh.moved(-centre)
     if (file := given.pose) is not None:
-        cam_from_mesh, message = read_pose(file, mm_per_unit=given.units and case.mm_per_unit)
+        cam_from_mesh, message = read_pose(file, mm_per_unit=case.mm_per_unit if given.units else None)
         found = replace(case, cam_from_mesh=cam_from_mesh)
-        check_pose(replace(found, path=file), model, cam_from_mesh @ mesh_from_model)
+        check_pose(replace(found, path=file_and_place(file)[0]), model, cam_from_mesh @ mesh_from_model)
         return found, [f"pose: {file}", *([f"note: {message}"] if message else [])]
     focus = surface.focus_of(mesh)
     if focus is not None:

@@ -25,6 +25,7 @@ from ..colour.shading import ColouredSurface
 from ..dataset.options import NONE, SHADOWS
 from ..errors import InputError
 from ..files.content import read_beginning
+from ..files.keys import file_and_place
 from ..files.outputs import check_own_folder, write_output
 from ..images.contact_sheet import contact_sheet
 from ..images.pixel_values import mask_box, to_uint8
@@ -155,7 +156,7 @@ def _angle_deg(frames: Sequence[PosedFrame], pose: np.ndarray, pivot_model: np.n
 def _shown_surfaces(case: EvaluationCase, trace: Render, numbers: Iterable[int]) -> Iterator[ShownSurface]:
     for number in numbers:
         photograph = case.photographs[number]
-        frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=case.images[number])
+        frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=f"photograph_{number + 1}")
         view = trace(frame.cam_from_model)
         yield ShownSurface(number, frame.image, view.mask & frame.valid, view.observed & frame.valid)
 
@@ -197,7 +198,7 @@ def evaluation_run(
         loaded = load_case(read_case(case_path))
         listed, _ = read_photographs(list_path, loaded.case)
         to_model = loaded.surface.mesh_from_model
-        check_listed(loaded, (each.cam_from_mesh @ to_model for each in listed), list_path.name)
+        check_listed(loaded, (each.cam_from_mesh @ to_model for each in listed), file_and_place(list_path)[0].name)
         given.append((loaded, listed))
     cases = named_cases(given)
     network = None if inception is None else Inception(inception)

@@ -192,17 +192,13 @@ def frame_files(frames: Path) -> dict[str, Path]:
 def listed_images(frames: Path) -> list[ListedImage] | None:
     """The images of a folder, or of a list or table of photographs; ``None`` of a video."""
     if frames.is_dir():
-        return [ListedImage(path) for path in image_paths(frames)]
+        # a Mac puts a hidden ._1.jpg beside each
+        return [ListedImage(each) for each in sorted(frames.glob("[!.]*")) if each.suffix.lower() in IMAGES]
     path, _ = file_and_place(frames)
     if path.suffix.lower() not in LISTS:
         return None
     entries = enumerate(listed_poses(frames))
     return [ListedImage.of_entry(each, f"{path.name}: entry {number}", path.parent) for number, each in entries]
-
-
-def image_paths(folder: Path) -> list[Path]:
-    """The images of a folder by their names, without hidden ones such as ``._1.jpg``, which a Mac puts beside each."""
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGES and not path.name.startswith("."))
 
 
 def small_frame(frame: PosedFrame, longer_side_px: int = LONGER_SIDE_PX) -> PosedFrame:

@@ -220,7 +220,7 @@ def _unread_frames(
     """Registered frames at full size, for a case: images where they are, those of a film written into a folder."""
     case, mesh_from_model = loaded.case, loaded.surface.mesh_from_model
     listed = {} if isinstance(frames, Path) else dict(enumerate(frames))
-    if poses and not listed:
+    if poses and isinstance(frames, Path):
         with Film(frames, width=case.camera.width) as film:
             for each in film:
                 if each.index in poses:

@@ -8,8 +8,6 @@ import numpy as np
 from ..camera.distortion import Distortion, undistort
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
-from ..files.content import read_content
-from ..images.image_check import JPEG_SIGNATURE
 from ..images.image_reader import read_image
 from ..images.masked_frame import encoded_frame, joined_mask, shown_by_mask
 
@@ -56,8 +54,6 @@ class Frame:
 
     def with_mask(self, path: Path) -> "Frame":
         """The frame without what a mask's file hides, in addition to what its own alpha hides."""
-        if path.is_file() and read_content(path, "a mask", path.name).startswith(JPEG_SIGNATURE):
-            raise InputError(f"{path.name}: expected a mask, found a JPEG, which blurs its zeros; make it as PNG")
         mask = shown_by_mask(*read_image(path, path.name), path.name)
         return replace(self, shown=joined_mask(self.shown, mask, self.name, path.name), mask=path)
 
@@ -123,17 +119,17 @@ def load_posed_frame(frame: UnreadFrame, mesh_from_model: np.ndarray, *, name: s
 def load_frame(
     path: Path, camera: PinholeCamera, distortion: Distortion | None, *, name: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Read and undistort the frame of a case; ``name`` is the case's name in messages.
+    """Read and undistort the frame of a case; ``name`` begins messages.
 
     Returns
     -------
     ``(H, W, 3)`` float32 code values 0..1, and ``(H, W)`` bool, False where it has no image.
     """
-    image, valid = read_image(path, f"{name}: [frame] image {path.name}")
+    image, valid = read_image(path, f"{name}: image {path.name}")
     height, width = image.shape[:2]
     if (width, height) != camera.size_wh:
         raise InputError(
-            f"{name}: expected a frame of {camera.width}x{camera.height} px as in [camera] size, "
+            f"{name}: expected a frame of {camera.width}x{camera.height} px as its camera has, "
             f"{path.name} has {width}x{height}; K belongs to one size: give the K of this image"
         )
     if distortion is not None:

@@ -24,17 +24,17 @@ def shown_by_mask(colours: np.ndarray, valid: np.ndarray, where: str) -> np.ndar
     ----------
     colours, valid
         ``(H, W, 3)`` code values and ``(H, W)`` bool (alpha above 0) of the mask's file. If any alpha is 0, alpha is
-        the mask; otherwise the grey values are, and 0 shows no surface.
+        the mask; otherwise the grey values are: 0 shows no surface, and there is one other value.
     where
         Begins the messages.
     """
     if valid.all():
-        if not (np.ptp(colours, axis=2) == 0).all():
+        valid = (colours > 0).any(axis=2)
+        if not (colours[valid] == colours.max()).all():
             raise InputError(
-                f"{where}: expected a mask, grey or with alpha, found an image in colour; give one in which 0 means: "
-                "shows no surface"
+                f"{where}: expected a mask of 0 (shows no surface) and one other value, grey or in alpha, found "
+                "colours or shades; set all that is to be hidden to 0 and the rest to 255, without smooth edges"
             )
-        valid = colours[..., 0] > 0
     if not valid.any():
         raise InputError(f"{where}: expected a mask that leaves some of the frame, it is 0 everywhere; invert it")
     return valid

@@ -6,7 +6,7 @@ which name other files: containers of films alone are permitted, and no way to a
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import av
@@ -82,19 +82,24 @@ def packets_of(container: InputContainer, stream: VideoStream) -> Iterator[Packe
 
 
 def frames_of(container: InputContainer, stream: VideoStream) -> Iterator[VideoFrame]:
-    """Frames in display order, without those that cannot be decoded.
+    """Frames in display order, without those that cannot be decoded or of which the decoder complains.
 
     What follows one of these is left out up to the next key frame: FFmpeg makes it up from other pictures.
     """
-    is_whole = True
+    # some decoders, FFV1's with its checksums for one, tell damage in words alone
+    av.logging.set_level(av.logging.ERROR)
+    av.logging.set_skip_repeated(False)
+    is_whole, damaged = True, set[int]()
     for packet in packets_of(container, stream):
-        try:
+        frames: list[VideoFrame] | None = None
+        with av.logging.Capture() as complaints, suppress(av.FFmpegError):
             frames = packet.decode()
-        except av.FFmpegError:
+        if frames is None or complaints:
             is_whole = False
-            continue
-        for frame in frames:
-            is_whole = (is_whole or frame.key_frame) and not frame.is_corrupt
+            if packet.pts is not None:
+                damaged.add(packet.pts)
+        for frame in frames or ():
+            is_whole = (is_whole or frame.key_frame) and not frame.is_corrupt and frame.pts not in damaged
             if is_whole:
                 yield frame
 

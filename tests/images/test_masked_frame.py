@@ -34,9 +34,13 @@ def test_a_mask_is_its_alpha_or_else_its_grey_values():
     assert np.array_equal(shown_by_mask(grey, all_valid, "m"), expected)
     # black pixels of a masked frame are no mask
     assert np.array_equal(shown_by_mask(np.zeros_like(grey), expected, "m"), expected)
-    grey[0, 0] = (0.5, 0.4, 0.5)
-    with pytest.raises(InputError, match="colour"):
-        shown_by_mask(grey, all_valid, "m")
+    # colours, a photograph in grey, a smooth edge or the noise of a JPEG, zeros that are not
+    for other in ((0.5, 0.4, 0.5), (0, 0, 1 / 255), (1, 1, 1), (2 / 255, 2 / 255, 2 / 255)):
+        for hidden in (0, 3 / 255):
+            changed = np.where(grey > 0, grey, np.float32(hidden))
+            changed[0, 0] = other
+            with pytest.raises(InputError, match="colours or shades"):
+                shown_by_mask(changed, all_valid, "m")
     with pytest.raises(InputError, match="0 everywhere"):
         shown_by_mask(np.zeros_like(grey), all_valid, "m")
     assert np.array_equal(joined_mask(expected, expected.copy(), "f", "m"), expected)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import json
 import zlib
 from pathlib import Path
 
@@ -10,10 +11,13 @@ import pytest
 
 from oneframe.blender.dataset import run as dataset_run
 from oneframe.blender.dataset.job import Job, open_job
+from oneframe.blender.render.engines import RENDERERS
 from oneframe.case.case_file import read_case
 from oneframe.dataset.options import DatasetOptions
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
+from oneframe.evaluation.evaluate import evaluation_run
+from oneframe.evaluation.methods import DEFAULT, chosen_methods
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
@@ -70,15 +74,23 @@ def test_bad_frames_are_refused(case, what):
     damage, message = FRAMES[what]
     path = case.parent / "frame.png"
     path.write_bytes(damage(path.read_bytes()))
-    with pytest.raises(InputError, match=rf"^case\.toml: \[frame\] image frame\.png: .*{message}"):
+    with pytest.raises(InputError, match=rf"^case\.toml: image frame\.png: .*{message}"):
         opened(case)
 
 
 def test_a_frame_of_another_size_than_the_cameras_is_refused(case):
     (case.parent / "frame.png").write_bytes(encode_png(np.zeros((96, 128, 3), np.uint8)))
-    message = r"expected a frame of 64x48 px as in \[camera\] size, frame\.png has 128x96; .*give the K of this image"
+    message = r"expected a frame of 64x48 px as its camera has, frame\.png has 128x96; .*give the K of this image"
     with pytest.raises(InputError, match=message):
         opened(case)
+
+
+@pytest.mark.parametrize("image", ["gone.png", "a\0b.png", "\ud800.png"])
+def test_a_photograph_that_cannot_be_read_is_named_before_any_work(case, image):
+    listed = case.parent / "photographs.json"
+    listed.write_text(json.dumps([{"image": image, "cam_from_mesh": read_case(case).cam_from_mesh.tolist()}]))
+    with pytest.raises(InputError, match="expected a photograph"):
+        evaluation_run([(case, listed)], case.parent.parent / "out", chosen_methods(DEFAULT, RENDERERS))
 
 
 # --- frame, surface and pose together -------------------------------------------------------------------------------

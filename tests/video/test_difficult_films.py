@@ -72,6 +72,16 @@ def test_no_picture_is_made_up_after_a_damaged_one(tmp_path, name, codec, rng):
         assert len(shown) > 40
 
 
+def test_what_only_the_decoder_s_words_tell_is_heard(tmp_path):
+    """FFV1 has checksums, and shows the picture before where one is wrong."""
+    path = write_frames(tmp_path / "a.mkv", 40, "ffv1", level="3")
+    whole, data = frames_of(path), path.read_bytes()
+    path.write_bytes(data[: len(data) // 2] + bytes(60) + data[len(data) // 2 + 60 :])
+    frames = frames_of(path)
+    assert 25 < len(frames) < 40
+    assert all(np.array_equal(frame.image, whole[frame.index].image) for frame in frames)
+
+
 @pytest.mark.parametrize("suffix", ["mkv", "ts", "flv"])
 def test_a_film_that_begins_late_is_not_cut_off(tmp_path, suffix):
     path = copied(tmp_path / f"late.{suffix}", [write_frames(tmp_path / "whole.mp4", 60)], from_s=-40)

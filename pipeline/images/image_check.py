@@ -32,6 +32,9 @@ _FRAMES = {0xC0, 0xC1, 0xC2}
 """Markers of JPEG's frames that every decoder reads: baseline, extended, progressive."""
 _OTHER_FRAMES = set(range(0xC3, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
+_BRIGHTNESS, _HOLE = 0x10, bytes(64)
+"""Table of a JPEG's codes for details of brightness; bytes that a failed sector or a sparse copy leaves."""
+
 _SRGB_GAMMA, _SRGB_CHROMATICITIES = 45455, (31270, 32900, 64000, 33000, 30000, 60000, 15000, 6000)
 """Of PNG's gAMA and cHRM, in 1/100 000."""
 
@@ -164,7 +167,7 @@ def _checked_png(data: bytes) -> tuple[int, int, int]:
 
 def _checked_jpeg(data: bytes) -> tuple[int, int, int]:
     """Width, height and EXIF orientation of a JPEG in sRGB; segments end where its pixels begin."""
-    position, marker, size, exif, profile = 2, 0, None, b"", b""
+    position, marker, size, exif, profile, codes = 2, 0, None, b"", b"", dict[int, bytes]()
     while marker != 0xDA:
         marker, at = data[position + 1], position + 4
         if data[position] != 0xFF:
@@ -173,7 +176,10 @@ def _checked_jpeg(data: bytes) -> tuple[int, int, int]:
             position += 2 if marker == 0x01 else 1
             continue
         body = data[at : at - 2 + int.from_bytes(data[at - 2 : at], "big")]
+        while marker == 0xC4 and body:  # tables of Huffman codes
+            codes[body[0]], body = body[17:18], body[17 + sum(body[1:17]) :]
         if marker in _FRAMES:
+            is_progressive = marker == 0xC2
             precision, height, width, components = struct.unpack_from(">BHHB", body)
             size = width, height
             if precision != 8 or components not in (1, 3):
@@ -188,9 +194,15 @@ def _checked_jpeg(data: bytes) -> tuple[int, int, int]:
         position += 2 + max(2, int.from_bytes(data[at - 2 : at], "big"))
     if size is None:
         raise ValueError("it has no size")
-    # what follows the end, such as the film of a phone's moving picture, is not the image's
-    if data.find(b"\xff\xd9", position) < 0:
+    # what follows the end, such as the film of a phone's moving picture, is not the image's; of one picture in one
+    # scan, the decoder tells whether rows are lost
+    end = data.find(b"\xff\xd9", position)
+    if end < 0 and (is_progressive or body[0] < components):
         raise ValueError("the file is cut off")
+    # unless the code of zeros ends a block of brightness, zeros say noise that no encoder writes
+    is_plain = not is_progressive and body[0] == components and codes.get(_BRIGHTNESS, b"\0") != b"\0"
+    if is_plain and data.find(_HOLE, position, end) >= 0:
+        raise ValueError("the file is damaged, a part of it is zeros")
     if profile:
         _check_profile(profile)
     return *size, _checked_exif(exif)

@@ -91,6 +91,8 @@ REFUSED: dict[str, tuple[Callable[[], bytes], str]] = {
     "BigTIFF": (lambda: b"II+\0" + bytes(100), "found TIFF"),
     "cut off": (lambda: saved("PNG")[:-100], "cut off"),
     "damaged": (lambda: flipped(saved("PNG"), 900), "damaged"),
+    "JPEG with a hole": (lambda: saved("JPEG")[:-100] + bytes(64) + saved("JPEG")[-36:], "a part of it is zeros"),
+    "progressive JPEG, cut off": (lambda: saved("JPEG", progressive=True)[:-100], "cut off"),
     "WebP": (lambda: saved("WEBP"), "found WebP"),
     "BMP": (lambda: saved("BMP"), "found BMP"),
     "OpenEXR": (lambda: b"\x76\x2f\x31\x01" + bytes(100), "found OpenEXR"),

@@ -94,6 +94,9 @@ def test_what_follows_the_end_of_a_jpeg_does_not_count(tmp_path, rng):
     wanted, _ = read_image(path)
     path.write_bytes(whole + bytes(rng.integers(0, 255, 200_000, np.uint8)))
     assert np.array_equal(read_image(path)[0], wanted)
+    # nor is the mark of the end, if all rows are there
+    path.write_bytes(whole[:-2])
+    assert np.array_equal(read_image(path)[0], wanted)
     path.write_bytes(whole[:-20] + bytes(200_000))
-    with pytest.raises(InputError, match="the file is cut off"):
+    with pytest.raises(InputError, match="a part of it is zeros; copy it again"):
         read_image(path)

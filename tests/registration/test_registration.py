@@ -270,6 +270,7 @@ def test_a_film_says_where_the_surface_changes(registrar, mesh):
     found = change(same[:8] + other)
     assert found.since == 80
     assert 0.05 < found.share < 0.3
+    assert found.blocks.sum() == found.blocks[2:8, 2:9].sum()
     assert f"from frame {found.since}" in found.words()
     assert change(same[:4] + other + same[4:8]) is None
     assert change(same) is None

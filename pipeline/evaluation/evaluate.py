@@ -26,7 +26,7 @@ from ..dataset.options import NONE, SHADOWS
 from ..errors import InputError
 from ..files.content import read_beginning
 from ..files.keys import file_and_place
-from ..files.outputs import check_own_folder, write_output
+from ..files.outputs import check_outputs, check_own_folder, write_output
 from ..images.contact_sheet import contact_sheet
 from ..images.pixel_values import mask_box, to_uint8
 from ..images.png import encode_png
@@ -206,6 +206,7 @@ def evaluation_run(
     for photograph in (photograph for case in cases for photograph in case.photographs):
         read_beginning(photograph.image, "a photograph", 1)
     check_own_folder(out, "|".join(map(re.escape, (TABLE, MARKDOWN, FIGURE))), {})
+    check_outputs([out / name for name in (TABLE, MARKDOWN, FIGURE)], {})
     return EvaluationRun(out, cases, methods, seed, network)
 
 

@@ -25,7 +25,7 @@ from ..state.properties import UNITS
 from ..ui.operator import ChosenFiles, Messages, NeedsAlignment, OpensFile, Reporting
 
 IMAGES = "*.png;*.jpg;*.jpeg"
-CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.txt"
+CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.txt"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
 SURFACES = f"{MESHES};{RECORD}"

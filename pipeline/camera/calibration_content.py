@@ -1,20 +1,20 @@
 """The content of a camera's file as dictionaries, lists, numbers and strings.
 
 The format is told by content: a case file or other TOML, JSON (K or fx, fy, cx, cy; BOP's ``camera.json`` and
-``scene_camera.json``, NeRF's ``transforms.json``), OpenCV's YAML and XML, YAML of ROS and Kalibr, COLMAP's
+``scene_camera.json``, NeRF's ``transforms.json``), YAML of OpenCV, ROS and Kalibr, COLMAP's
 ``cameras.txt``. Anything else is refused.
 """
 
 import re
+from functools import lru_cache
 from pathlib import Path
-from xml.etree import ElementTree
 
 from ..errors import InputError
 from ..files.content import decoded
 from ..files.numbers import number_rows
-from ..files.tables import check_levels, parsed_json, parsed_toml
+from ..files.tables import parsed_json, parsed_toml
 
-FORMATS = "JSON, a case file, YAML or XML of OpenCV, YAML of ROS or Kalibr, COLMAP's cameras.txt"
+FORMATS = "JSON, a case file, YAML of OpenCV, ROS or Kalibr, COLMAP's cameras.txt"
 COLMAP_PARAMETERS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
     "PINHOLE": ("fx", "fy", "cx", "cy"),
@@ -25,12 +25,13 @@ COLMAP_PARAMETERS = {
 """Parameters of COLMAP's camera models, in the order of its files (src/colmap/sensor/models.h)."""
 
 
+# a scene of BOP has a camera an image
+@lru_cache(maxsize=1)
 def content_table(data: bytes, path: Path) -> object:
     """The content of a file; another kind of file, or a damaged one, is an ``InputError``."""
     name, suffix, text = path.name, path.suffix.lower(), decoded(data)
-    if text is None:
+    if text is None or (begin := text.lstrip()).startswith("<"):
         raise _unknown_format(name)
-    begin = text.lstrip()
     # JSON is YAML, too; lists of YAML begin alike
     if begin.startswith("{") and suffix not in (".yaml", ".yml"):
         return parsed_json(text, name)
@@ -39,8 +40,6 @@ def content_table(data: bytes, path: Path) -> object:
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if lines and all(re.match(r"\s*\d+\s+[A-Z_]+\s+\d+\s+\d+\s", line) for line in lines):
         return _colmap(lines, name)
-    if begin.startswith("<"):
-        return _xml(text, name)
     try:
         # a stock Blender has no PyYAML
         from .yaml_table import yaml_table
@@ -81,32 +80,3 @@ def _colmap(lines: list[str], name: str) -> object:
         size = {"width": float(width), "height": float(height), "pixel_origin": "corner"}
         cameras[f"camera {number}"] = {"fx": focal, "fy": focal, **values, **size}
     return cameras
-
-
-def _xml(text: str, name: str) -> object:
-    """OpenCV's XML; other documents have a type, which can name other files."""
-    try:
-        if "<!DOCTYPE" in text:
-            raise ValueError("it has a document type")
-        root = ElementTree.fromstring(text)
-        if root.tag != "opencv_storage":
-            raise ValueError(f"its outermost tag is {root.tag[:60]}, not opencv_storage")
-        table = _element(root)
-        check_levels(table)
-        return table
-    except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise InputError(
-            f"{name}: expected XML as OpenCV writes it, cannot read it ({error}); write K as JSON"
-        ) from None
-
-
-def _element(element: ElementTree.Element) -> object:
-    """Tags by name, or the text of an element without any."""
-    if not len(element):
-        return (element.text or "").strip().strip('"')
-    parts: dict[str, object] = {}
-    for part in element:
-        if part.tag in parts and part.tag != "_":
-            raise ValueError(f"it holds {part.tag[:60]!r} twice")
-        parts[part.tag] = _element(part)
-    return parts

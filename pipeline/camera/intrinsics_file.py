@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_content
-from ..files.keys import described
+from ..files.keys import described, file_and_place
 from ..files.numbers import number_rows
 from .calibration_content import content_table
 from .distortion import Distortion, checked_distortion
@@ -75,7 +75,7 @@ class CameraFile:
     def of_matrix(
         cls,
         path: Path,
-        matrix: np.ndarray,
+        matrix: object,
         size: Sequence[float] | None,
         distortion: tuple[float, ...],
         pixel_origin: Any = "center",
@@ -105,45 +105,17 @@ class CameraFile:
         return checked_distortion(self.distortion, camera, f"{self.path.name}: distortion")
 
 
-def read_camera(path: Path, place: str = "") -> CameraFile:
+def read_camera(path: Path) -> CameraFile:
     """Read intrinsics from any of the formats of :mod:`.calibration_content`.
 
-    Of a file with several cameras, ``place`` is the key of one: that of an image in BOP's ``scene_camera.json``,
-    ``"camera 3"`` of COLMAP's ``cameras.txt``.
+    Of a file with several cameras, the key of one may stand after #: that of an image in BOP's ``scene_camera.json``,
+    ``camera 3`` of COLMAP's ``cameras.txt``.
     """
-    path = Path(path)
+    path, place = file_and_place(Path(path))
     content: Any = content_table(read_content(path, "a file with a camera", most=LARGEST_TEXT), path)
     if place and not (isinstance(content, dict) and place in content):
         raise InputError(f"{path.name}: expected a camera {place!r} in it, found none; write the key of one after #")
     return _the_camera(content[place] if place else content, path)
-
-
-def typed_camera(
-    focal_and_centre: Sequence[float],
-    *,
-    size: Sequence[int] | None = None,
-    distortion: Sequence[float] | None = None,
-    name: str,
-) -> CameraFile:
-    """Intrinsics as a user typed them, as if they had been read from a file.
-
-    Parameters
-    ----------
-    focal_and_centre
-        fx, fy, cx, cy, px; (0, 0) is the centre of the top-left pixel.
-    size
-        (width, height) of the images that K is for; ``None`` if the user did not say.
-    distortion
-        k1, k2, p1, p2 and k3, which may be left out.
-    name
-        Stands for the file's name in messages.
-    """
-    if distortion is not None and len(distortion) not in (4, 5):
-        raise InputError(f"{name}: expected a distortion k1 k2 p1 p2 [k3], found {len(distortion)} numbers")
-    fx, fy, cx, cy = focal_and_centre
-    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
-    coefficients = (*(distortion or ()), *[0.0] * 5)[:5]
-    return CameraFile.of_matrix(Path(name), matrix, size, coefficients if any(coefficients) else (), where=name)
 
 
 def _the_camera(table: object, path: Path) -> CameraFile:
@@ -161,7 +133,7 @@ def _the_camera(table: object, path: Path) -> CameraFile:
         places = ", ".join(map(repr, (place, *differing[:3])))
         raise InputError(
             f"{path.name}: expected one camera, found {len(differing) + 1} that differ: {places}; "
-            "leave only the frame's camera in the file"
+            "write which after #, or leave only the frame's camera in the file"
         )
     return camera
 
@@ -246,7 +218,7 @@ def _numbers(value: Any) -> list[float] | None:
     if isinstance(value, Mapping):
         value = value.get("data")
     if isinstance(value, str):
-        # ROS writes lists without commas, OpenCV's XML has no lists
+        # ROS writes lists without commas
         rows = number_rows(value) if any(sign.isdigit() for sign in value) else None
         return None if rows is None or not 1 < len(rows) <= MOST_NUMBERS else rows.tolist()
     if not isinstance(value, list):

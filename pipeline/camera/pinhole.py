@@ -173,8 +173,8 @@ class PinholeCamera:
         across, down = size_wh[0] / self.width, size_wh[1] / self.height
         if abs(across / down - 1) > LARGEST_RATIO_ERROR:
             raise InputError(
-                f"{name}: expected the proportions of the case's camera, {self.width}x{self.height} px, found "
-                f"{size_wh[0]}x{size_wh[1]}; crop, or write a case with their K"
+                f"{name}: expected the proportions that K is for, {self.width}x{self.height} px, found "
+                f"{size_wh[0]}x{size_wh[1]}; crop, or give their K"
             )
         return self if size_wh == self.size_wh else self.resized(*size_wh)
 

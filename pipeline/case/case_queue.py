@@ -5,7 +5,8 @@ state of a case is what its file says; nothing else keeps a record.
 """
 
 import os
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -93,8 +94,9 @@ def cases_of_frames(folder: Path, like: Case, frames: Sequence[NewFrame]) -> lis
     by_image = {os.path.realpath(frame.image): frame for frame in frames}
     cases = [_case_of(frame, folder, like) for frame in by_image.values()]
     paths = {case.path for case in cases} | ({like.path} if like.path.parent.parent == folder else set())
-    if doubled := _first_doubled(path.parent.name.casefold() for path in paths):
-        raise InputError(f"{folder}: expected frames with names of their own, found two called {doubled}")
+    name, times = Counter(path.parent.name.casefold() for path in paths).most_common(1)[0] if paths else ("", 0)
+    if times > 1:
+        raise InputError(f"{folder}: expected frames with names of their own, found two called {name}")
     return cases
 
 
@@ -117,12 +119,3 @@ def case_name(image: Path) -> str:
     if image.name.startswith("."):
         raise InputError(f"{image}: expected a name that does not begin with a dot, for a case; rename the image")
     return image.stem
-
-
-def _first_doubled(names: Iterable[str]) -> str:
-    seen: set[str] = set()
-    for name in names:
-        if name in seen:
-            return name
-        seen.add(name)
-    return ""

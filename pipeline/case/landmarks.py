@@ -158,7 +158,7 @@ def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
     separator = max(",;\t", key=header.count)
     rows = csv.reader(io.StringIO(text, newline=None), delimiter=separator, strict=True)
     names: list[str] = []
-    found: dict[str, tuple[int, Landmark]] = {}
+    entries: list[dict[str, object]] = []
     try:
         for cells in rows:
             place = f"{name}: line {rows.line_num}: "
@@ -174,17 +174,12 @@ def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
                 )
             if len(cells) == 1 and any(other in cells[0] for other in set(",;\t") - {separator}):
                 raise InputError(f"{place}expected cells between {separator!r} as in the header, found other signs")
-            landmark = landmark_from_table(_table(names, cells, place), place, mm_per_unit=mm_per_unit)
-            if len(found) == MOST_LANDMARKS:
-                raise InputError(f"{place}expected up to {MOST_LANDMARKS} landmarks, found more; keep the best")
-            line, _ = found.setdefault(landmark.name, (rows.line_num, landmark))
-            if line != rows.line_num:
-                raise InputError(f"{place}expected another name, {landmark.name!r} is also in line {line}; rename one")
+            entries.append(_table(names, cells, place))
     except csv.Error as error:
         raise InputError(f"{name}: line {rows.line_num}: expected CSV, found a mistake: {error}") from None
     if not names:
         raise InputError(f"{name}: expected a header {','.join(COLUMNS)}, found none")
-    return tuple(landmark for _, landmark in found.values())
+    return landmarks_from_tables(entries, f"{name}: landmark", mm_per_unit=mm_per_unit)
 
 
 def _checked_header(cells: list[str], place: str) -> list[str]:

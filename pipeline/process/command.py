@@ -66,8 +66,6 @@ class Argument:
         Makes the value of a text, where its type does not.
     each
         Whether several values are given by several flags.
-    const
-        The value of the flag alone.
     excludes
         Name of a group of which one is given, and no more.
     """
@@ -80,7 +78,6 @@ class Argument:
     choices: Collection[str] = ()
     parse: Callable[[str], Any] | None = None
     each: bool = False
-    const: Any = None
     excludes: str = ""
 
 
@@ -146,8 +143,6 @@ def _settings(argument: Argument, kind: Any, default: Any) -> dict[str, Any]:
                 kind, settings["nargs"] = of_each[0], len(of_each)
         else:
             settings["nargs"] = "+" if parts[-1] is Ellipsis else len(parts)
-    elif argument.const is not None:
-        settings |= {"nargs": "?", "const": argument.const}
     elif not argument.is_option and default is not MISSING:
         settings["nargs"] = "?"
     if argument.choices:

@@ -3,17 +3,25 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
-from ..camera.distortion import distorted_pixels
+from ..camera.distortion import Distortion, distorted_pixels
+from ..camera.intrinsics_file import CameraFile, read_camera
+from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
 from ..case.frame import PosedFrame
 from ..errors import InputError
+from ..files.content import read_content
+from ..files.keys import described, file_and_place
+from ..images.image_check import check_image
 from ..images.image_reader import read_image
 from ..images.pixel_values import to_uint8
+from ..poses.pose_file import listed_poses
 from ..video.film_reader import Film
 from ..video.frame_mask import Resampler
 
@@ -21,6 +29,51 @@ LONGER_SIDE_PX = 640
 """Frames are registered at this size: larger ones take longer and end no nearer, as the surface's own error limits."""
 IMAGES = (".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".tif", ".tiff", ".bmp", ".webp", ".heic", ".avif", ".jp2", ".gif")
 """Endings of images in a folder; what is no PNG or JPEG among them is refused with its name, not passed over."""
+
+
+LISTS = (".json", ".txt")
+"""Endings of lists of photographs, as :func:`.listed_poses` reads them."""
+CAMERA = "camera"
+"""Key of an entry of a list: the file of its camera, and after # which of that file."""
+
+
+@dataclass(frozen=True)
+class ListedImage:
+    """An image of a folder or of a list of photographs.
+
+    Attributes
+    ----------
+    path
+        Its file.
+    camera_file, camera
+        Where its own camera stands, relative as its entry has it, and what that is; empty, ``None``: the case's.
+    """
+
+    path: Path
+    camera_file: Path = Path()
+    camera: CameraFile | None = None
+
+    @classmethod
+    def of_entry(cls, entry: Any, where: str, folder: Path) -> "ListedImage":
+        """The image of a list's entry; ``where`` begins messages, ``folder`` is the list's."""
+        image = entry.get("image") if isinstance(entry, dict) else None
+        if not isinstance(image, str) or not image:
+            raise InputError(f'{where}: expected {{"image": file, ...}}, found image = {described(image)}')
+        if not isinstance(named := entry.get(CAMERA), str):
+            return cls(folder / image)
+        return cls(folder / image, folder / named, read_camera(folder / named))
+
+    @property
+    def size_wh(self) -> tuple[int, int]:
+        """(width, height) in pixels, which its file states."""
+        return check_image(read_content(self.path, "an image file", self.path.name), self.path.name)
+
+    def lens(self, case: Case, size_wh: tuple[int, int]) -> tuple[PinholeCamera, Distortion | None]:
+        """K and distortion for the image in its size; the case's if it has none of its own."""
+        if self.camera is None:
+            return case.camera.for_images(size_wh, self.path.name), case.distortion
+        own = self.camera.camera(self.camera.size or size_wh)
+        return own.for_images(size_wh, self.path.name), self.camera.distortion_for(own)
 
 
 @dataclass(frozen=True)
@@ -60,73 +113,92 @@ class FrameReader:
 
     def __init__(self, case: Case) -> None:
         self._case, self.camera = case, case.camera.within(LONGER_SIDE_PX)
-        self._straight: Resampler | None = None
-        self._inside = np.ones(self.camera.shape_hw, bool)
-        if case.distortion is not None:
-            pixels = distorted_pixels(self.camera, case.distortion, self.camera.pixel_grid())
-            self._straight = Resampler(pixels)
-            self._inside = ((pixels >= 0) & (pixels <= np.array(self.camera.size_wh) - 1)).all(axis=-1)
 
     @contextmanager
-    def opened(self, folder_or_video: Path, every: int = 1) -> Iterator[OpenedFrames]:
-        """Open a folder of images or a video, of which every n-th frame is read.
+    def opened(self, frames: Path, every: int = 1) -> Iterator[OpenedFrames]:
+        """Open a folder or a list of images, or a video, of which every n-th frame is read.
 
         A frame that cannot be read, and an image of other proportions than K's or a frame of another size than the
         film's first one, comes with its problem.
         """
-        if folder_or_video.is_dir():
-            paths = image_paths(folder_or_video)
-            if not paths:
-                raise InputError(f"{folder_or_video}: expected images (PNG or JPEG) or a video, found none")
-            chosen = list(enumerate(paths))[::every]
-            yield OpenedFrames(len(chosen), (self.image(number, path) for number, path in chosen))
+        if (images := listed_images(frames)) is not None:
+            if not images:
+                raise InputError(f"{frames}: expected images (PNG or JPEG) or a video, found none")
+            chosen = list(enumerate(images))[::every]
+            yield OpenedFrames(len(chosen), (self.image(number, image) for number, image in chosen))
             return
-        with Film(folder_or_video, every=every, width=self.camera.width) as film:
-            self._case.camera.for_images(film.info.size_wh, folder_or_video.name)
+        with Film(frames, every=every, width=self.camera.width) as film:
+            self._case.camera.for_images(film.info.size_wh, frames.name)
             yield OpenedFrames(film.info.frames, self._of_film(film, every), film.info.cut_off)
 
     def _of_film(self, film: Film, every: int) -> Iterator[FurtherFrame]:
         due = 0
         for each in film:
             yield from (self._unusable("", number, film.problem(number)) for number in range(due, each.index, every))
-            yield self._undistorted("", each.index, each.image)
+            yield self._straight("", each.index, each.image, self.camera, self._case.distortion)
             due = each.index + every
         rest = range(due, film.info.frames * every, every)
         yield from (self._unusable("", number, film.problem(number)) for number in rest)
 
-    def image(self, number: int, path: Path) -> FurtherFrame:
-        """Read an image."""
+    def image(self, number: int, listed: ListedImage) -> FurtherFrame:
+        """Read an image; one of another camera becomes what the case's camera would see from there."""
+        name = listed.path.name
         try:
-            image, valid = read_image(path, path.name)
-            self._case.camera.for_images((image.shape[1], image.shape[0]), path.name)
+            image, valid = read_image(listed.path, name)
+            camera, lens = listed.lens(self._case, (image.shape[1], image.shape[0]))
         except InputError as error:
-            return self._unusable(path.name, number, str(error).removeprefix(f"{path.name}: "))
-        small, shown = _reduced(image, valid, self.camera.size_wh)
-        frame = self._undistorted(path.name, number, to_uint8(small))
-        return replace(frame, valid=frame.valid & shown)
+            return self._unusable(name, number, str(error).removeprefix(f"{name}: "))
+        # as fine as it will be
+        camera = camera.within(max(round(max(camera.size_wh) * self.camera.fx / camera.fx), 1))
+        small, shown = _reduced(image, valid, camera.size_wh)
+        return self._straight(name, number, to_uint8(np.dstack([small, shown])), camera, lens)
 
     def _unusable(self, name: str, number: int, problem: str) -> FurtherFrame:
         grey = np.full((*self.camera.shape_hw, 3), 128, np.uint8)
         return FurtherFrame(name, number, grey, np.zeros(self.camera.shape_hw, bool), problem)
 
-    def _undistorted(self, name: str, number: int, image: np.ndarray) -> FurtherFrame:
-        if image.shape[1::-1] != self.camera.size_wh:
-            image = cv2.resize(image, self.camera.size_wh, interpolation=cv2.INTER_AREA)
-        if self._straight is not None:
-            image = self._straight(image)
-        return FurtherFrame(name, number, image, self._inside)
+    def _straight(
+        self, name: str, number: int, image: np.ndarray, camera: PinholeCamera, lens: Distortion | None
+    ) -> FurtherFrame:
+        """A frame by the case's camera of ``(H, W, 3 or 4)`` uint8 by another; the fourth is 255 where it is valid."""
+        if image.shape[1::-1] != camera.size_wh:
+            image = cv2.resize(image, camera.size_wh, interpolation=cv2.INTER_AREA)
+        resampled, inside = _resampler(self.camera, camera, lens)
+        image = image if resampled is None else resampled(image)
+        return FurtherFrame(name, number, image[..., :3], inside & (image[..., 3:] == 255).all(axis=-1))
+
+
+@lru_cache(maxsize=1)
+def _resampler(
+    to: PinholeCamera, camera: PinholeCamera, lens: Distortion | None
+) -> tuple[Resampler | None, np.ndarray]:
+    """From images of a camera and lens to a camera without lens in the same place, and which pixels it has seen."""
+    grid = to.pixel_grid()
+    pixels = camera.project(to.rays_cam(grid))
+    if lens is None and camera.size_wh == to.size_wh and np.abs(pixels - grid).max() < 1e-3:
+        return None, np.ones(to.shape_hw, bool)
+    pixels = pixels if lens is None else distorted_pixels(camera, lens, pixels)
+    return Resampler(pixels), ((pixels >= 0) & (pixels <= np.array(camera.size_wh) - 1)).all(axis=-1)
 
 
 def frame_files(frames: Path) -> dict[str, Path]:
-    """All that is read of a folder of images or a video, by what it is."""
-    if not frames.is_dir():
+    """All that is read of a folder or a list of images, or of a video, by what it is."""
+    if (images := listed_images(frames)) is None:
         return {"video": frames}
-    return {"folder of the frames": frames} | {f"image {path.name}": path for path in image_paths(frames)}
+    named = {f"image {each.path.name}": each.path for each in images}
+    return {"folder or list of the frames": file_and_place(frames)[0]} | named
 
 
-def image_paths(folder: Path) -> list[Path]:
-    """The images of a folder by their names, without hidden ones such as ``._1.jpg``, which a Mac puts beside each."""
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGES and not path.name.startswith("."))
+def listed_images(frames: Path) -> list[ListedImage] | None:
+    """The images of a folder, or of a list or table of photographs; ``None`` of a video."""
+    if frames.is_dir():
+        # a Mac puts a hidden ._1.jpg beside each
+        return [ListedImage(each) for each in sorted(frames.glob("[!.]*")) if each.suffix.lower() in IMAGES]
+    path, _ = file_and_place(frames)
+    if path.suffix.lower() not in LISTS:
+        return None
+    entries = enumerate(listed_poses(frames))
+    return [ListedImage.of_entry(each, f"{path.name}: entry {number}", path.parent) for number, each in entries]
 
 
 def small_frame(frame: PosedFrame, longer_side_px: int = LONGER_SIDE_PX) -> PosedFrame:

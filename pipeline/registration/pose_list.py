@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from ..alignment.pose_uncertainty import PoseUncertainty
-from ..camera.distortion import checked_distortion
-from ..camera.intrinsics_file import read_camera
 from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
 from ..case.frame import PosedFrame, UnreadFrame
@@ -18,17 +16,17 @@ from ..case.loaded_case import LoadedCase
 from ..case.pose_record import REGISTERED, UNKNOWN, PoseRecord
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
-from ..files.keys import described
+from ..files.keys import file_and_place
 from ..files.tables import parsed_json
-from ..poses.pose_file import POSE_KEY, is_without_pose, read_poses
+from ..poses.pose_file import POSE_KEY, is_without_pose, listed_poses, read_poses
 from ..transforms import checked_rigid, inverse_rigid
-from .further_frames import FrameReader, evenly, small_frame
+from .further_frames import FrameReader, ListedImage, evenly, small_frame
 from .register import RegisteredFrame, accepted_poses
 from .verdict import ACCEPTED, Verdict
 
 POSES = "poses.json"
-CAMERA, DISTORTION, CHANGED = "camera", "distortion", "changed"
-"""Keys of an entry: in a list of photographs; of frames in which a film no longer shows what the case's frame shows."""
+CHANGED = "changed"
+"""Key of a frame's entry in which a film no longer shows what the case's frame shows."""
 MOST_ACCEPTED = 12
 """Frames that :func:`small_frames` takes: of more, evenly chosen ones."""
 
@@ -138,12 +136,13 @@ class AcceptedFrames:
 
     poses: Mapping[int, np.ndarray]
     video: Path | None = None
-    images: Mapping[int, Path] = field(default_factory=dict)
+    images: Mapping[int, ListedImage] = field(default_factory=dict)
 
     @property
     def files(self) -> dict[str, Path]:
         """All that is read of the frames, by what it is."""
-        return {"video": self.video} if self.video else {f"image {each.name}": each for each in self.images.values()}
+        named = {f"image {each.path.name}": each.path for each in self.images.values()}
+        return {"video": self.video} if self.video else named
 
 
 def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> AcceptedFrames:
@@ -153,7 +152,8 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
     try:
         entries: Any = parsed_json(content, str(path))
         registered = registered_of(entries, loaded.surface.mesh_from_model, loaded.case.mm_per_unit)
-        images = {int(entry["frame"]): path.parent / entry["image"] for entry in entries if entry.get("image")}
+        listed = [entry for entry in entries if entry.get("image")]
+        images = {int(entry["frame"]): ListedImage.of_entry(entry, path.name, path.parent) for entry in listed}
     except (InputError, AttributeError, KeyError, TypeError, ValueError):
         raise InputError(
             f"{path}: expected the poses that oneframe register writes, found something else; name the folder that it "
@@ -162,16 +162,15 @@ def accepted_frames(folder: Path, video: Path | None, loaded: LoadedCase) -> Acc
     poses = accepted_poses(registered)
     if not poses:
         raise InputError(f"{path}: expected accepted frames, found none among {len(registered)}")
-    if video is None and not poses.keys() <= images.keys():
-        raise InputError(f"{path}: expected the names of images, found frames of a video; name it with --video")
-    if video is not None and images:
-        raise InputError(f"{path}: expected frames of a video for --video, found the images of a folder")
-    if missing := [images[number] for number in poses if images and not images[number].is_file()]:
+    if (video is None) != (poses.keys() <= images.keys()):
+        raise InputError(f"{path}: expected frames of a video with --video, or images of a folder without; name either")
+    images = {number: images[number] for number in poses if images}
+    if missing := [each.path for each in images.values() if not each.path.is_file()]:
         raise InputError(
             f"{missing[0].parent}: expected the images that were registered, {missing[0].name} is not there; bring it "
             "back, or register the others again"
         )
-    return AcceptedFrames(poses, video, {number: images[number] for number in poses if images})
+    return AcceptedFrames(poses, video, images)
 
 
 def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[PosedFrame]:
@@ -193,33 +192,20 @@ def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[Po
 
 
 def read_photographs(path: Path, case: Case) -> tuple[list[UnreadFrame], list[str]]:
-    """Read a JSON list of ``{"image": file, "cam_from_mesh": 4x4}``, poses as in the case file, or ``null``: left out.
+    """Read a list of ``{"image": file, "cam_from_mesh": 4x4}``, poses as in the case file, or ``null``: left out.
 
-    Photographs as the lens took them have its ``"distortion"`` in their entry, as in the case file. Those with another
-    zoom have a ``"camera"``: a file that :func:`.read_camera` reads, and after # which of its cameras.
+    In JSON, or a table of :mod:`oneframe.poses.pose_tables`. Photographs by another camera than the case's have a
+    ``"camera"``: a file that :func:`.read_camera` reads, and after # which of its cameras.
 
     Returns
     -------
-    The photographs, of the case's camera; and messages about what was corrected.
+    The photographs; and messages about what was corrected.
     """
     poses, messages = read_poses(path, mesh_from_model=np.eye(4), mm_per_unit=case.mm_per_unit)
-    entries: Any = parsed_json(read_content(path, "a list of photographs"), path.name)
-    posed = [entry for entry in entries if not is_without_pose(entry)]
+    file, _ = file_and_place(path)
     frames = []
-    for number, (entry, pose) in enumerate(zip(posed, poses, strict=True)):
-        image = entry.get("image") if isinstance(entry, dict) else None
-        if not isinstance(image, str) or not image:
-            raise InputError(
-                f'{path.name}: entry {number}: expected {{"image": file, "{POSE_KEY}": ...}}, found image = '
-                f"{described(image)}"
-            )
-        camera, lens = case.camera, None
-        if isinstance(named := entry.get(CAMERA), str):
-            file, _, place = named.partition("#")
-            given = read_camera(path.parent / file, place)
-            camera = given.camera(given.size or case.camera.size_wh)
-            lens = given.distortion_for(camera)
-        if DISTORTION in entry:
-            lens = checked_distortion(entry[DISTORTION], camera, f"{path.name}: entry {number}: {DISTORTION}")
-        frames.append(UnreadFrame(path.parent / image, camera, lens, pose))
+    for number, entry in enumerate(each for each in listed_poses(path) if not is_without_pose(each)):
+        listed = ListedImage.of_entry(entry, f"{file.name}: entry {number}", file.parent)
+        size_wh = listed.size_wh if listed.camera else case.camera.size_wh
+        frames.append(UnreadFrame(listed.path, *listed.lens(case, size_wh), poses[number]))
     return frames, messages

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -10,7 +10,7 @@ import numpy as np
 
 from ..case.case_history import history_path
 from ..case.case_writer import relative_name
-from ..case.frame import UnreadFrame, read_frame
+from ..case.frame import UnreadFrame
 from ..case.loaded_case import LoadedCase, overlay_scene
 from ..case.pose_record import PoseRecord
 from ..errors import InputError
@@ -23,8 +23,8 @@ from ..overlay.overlay_film import FrameMark, OverlayFilm
 from ..transforms import inverse_rigid
 from ..video.film_reader import Film
 from .colouring_frames import colouring_frames
-from .further_frames import image_paths
-from .pose_list import DISTORTION, POSES, encoded_list, pose_entry
+from .further_frames import CAMERA, ListedImage, listed_images
+from .pose_list import POSES, encoded_list, pose_entry
 from .register import RegisteredFrame, Registrar, RegistrationRun, accepted_poses, marked
 from .verdict import ACCEPTED, COLOURS, DOUBTFUL, REFUSED, WITHIN_PX, FilmChange, Verdict
 
@@ -129,14 +129,14 @@ def register_case(
     colour_frames: int = 0,
     progress: Callable[[float], None],
 ) -> RegistrationEvidence:
-    """Register all frames of a folder or a video, and write their poses into a folder.
+    """Register all frames of a folder, a list or a video, and write their poses into a folder.
 
     Parameters
     ----------
     registrar
         Of the case at its pose, with the structures to draw.
     frames
-        Folder of images, or a video.
+        Folder or list of images, or a video.
     out
         Folder to write.
     every
@@ -146,7 +146,8 @@ def register_case(
     progress
         Called with the finished share, 0..1.
     """
-    loaded, is_film = registrar.loaded, not frames.is_dir()
+    loaded, images = registrar.loaded, listed_images(frames)
+    is_film = images is None
     run, names, usable = RegistrationRun(registrar, is_film=is_film), dict[int, str](), False
     drawing, pictures, state, spare = _Drawing(registrar), dict[int, bytes](), "", PICTURES
     with registrar.reader.opened(frames, every) as opened:
@@ -171,12 +172,12 @@ def register_case(
         FrameEvidence(name, number, judged[number], drawing.displaced_px(judged[number]), pictures.get(number))
         for number, name in names.items()
     )
-    _write_lists(loaded, frames, out, evidence)
+    _write_lists(loaded, images, out, evidence)
     poses, chosen, lines = accepted_poses(judged), list[int](), list[str]()
     if colour_frames:
         candidates = [(each, poses[each.number]) for each in run.accepted(judged)]
         chosen, lines = colouring_frames(registrar.mesh, registrar.case_view, candidates, colour_frames)
-    colouring = _unread_frames(loaded, frames, out, {number: poses[number] for number in chosen})
+    colouring = _unread_frames(loaded, images or frames, out, {number: poses[number] for number in chosen})
     return RegistrationEvidence(
         evidence, registrar.case_view.image, loaded.case.alignment, is_film, change, opened.cut_off,
         colouring, tuple(lines),
@@ -195,15 +196,18 @@ def marked_film(loaded: LoadedCase, film: Film, evidence: Sequence[FrameEvidence
     return OverlayFilm(loaded, film, poses, write, marks=marks)
 
 
-def _write_lists(loaded: LoadedCase, frames: Path, out: Path, evidence: Sequence[FrameEvidence]) -> None:
+def _write_lists(
+    loaded: LoadedCase, images: Sequence[ListedImage] | None, out: Path, evidence: Sequence[FrameEvidence]
+) -> None:
     """Write the lists of poses, after removing what shows other ones."""
     surface, mm_per_unit, entries = loaded.surface, loaded.case.mm_per_unit, []
     for each in evidence:
         # as in a list of photographs: from the folder of the list
-        image = relative_name(frames / each.name, out) if each.name else ""
+        listed = images[each.number] if images else None
+        image = relative_name(listed.path, out) if listed else ""
         entry = pose_entry(image, each.number, each.registered, surface.mesh_from_model, mm_per_unit)
-        lens = {DISTORTION: astuple(loaded.case.distortion)} if image and loaded.case.distortion is not None else {}
-        entries.append(entry | lens)
+        own = {CAMERA: relative_name(listed.camera_file, out)} if listed and listed.camera else {}
+        entries.append(entry | own)
     for name in (FILM, PAGE):
         with writing(out / name):
             (out / name).unlink(missing_ok=True)
@@ -211,34 +215,21 @@ def _write_lists(loaded: LoadedCase, frames: Path, out: Path, evidence: Sequence
 
 
 def _unread_frames(
-    loaded: LoadedCase, frames: Path, out: Path, poses: Mapping[int, np.ndarray]
+    loaded: LoadedCase, frames: Sequence[ListedImage] | Path, out: Path, poses: Mapping[int, np.ndarray]
 ) -> tuple[UnreadFrame, ...]:
     """Registered frames at full size, for a case: images where they are, those of a film written into a folder."""
-    case, files, sizes = loaded.case, dict[int, Path](), dict[int, tuple[int, int]]()
-    if not poses:
-        return ()
-    if frames.is_dir():
-        paths = image_paths(frames)
-        for number in poses:
-            files[number] = paths[number]
-            sizes[number] = read_frame(files[number]).size_wh
-    else:
+    case, mesh_from_model = loaded.case, loaded.surface.mesh_from_model
+    listed = {} if isinstance(frames, Path) else dict(enumerate(frames))
+    if poses and isinstance(frames, Path):
         with Film(frames, width=case.camera.width) as film:
             for each in film:
                 if each.index in poses:
                     data = encode_png(each.image)
                     # a case may name another film's frame of this number
-                    files[each.index] = content_named(out / FRAME.format(each.index), data)
-                    sizes[each.index] = each.image.shape[1], each.image.shape[0]
-                    write_output(files[each.index], data)
-    mesh_from_model = loaded.surface.mesh_from_model
-    return tuple(
-        UnreadFrame(
-            files[number], case.camera.for_images(sizes[number], frames.name), case.distortion,
-            pose @ inverse_rigid(mesh_from_model),
-        )
-        for number, pose in poses.items()
-    )  # fmt: skip
+                    listed[each.index] = ListedImage(content_named(out / FRAME.format(each.index), data))
+                    write_output(listed[each.index].path, data)
+    found = ((listed[number], pose @ inverse_rigid(mesh_from_model)) for number, pose in poses.items())
+    return tuple(UnreadFrame(each.path, *each.lens(case, each.size_wh), pose) for each, pose in found)
 
 
 class _Drawing:

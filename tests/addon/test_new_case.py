@@ -132,7 +132,7 @@ def test_a_mask_is_shown_in_blue_and_kept_with_the_case(addon, files, tmp_path):
     assert np.array_equal(own[14:], blue[14:])
     assert (blue[:8, :80, 2] > 0.59).all()
     assert (own[20:60, 92:, 2] > 0.55).all()
-    for wrong, message in (("masked.png", "together"), ("photo.jpg", "JPEG"), ("camera.json", "image")):
+    for wrong, message in (("masked.png", "together"), ("photo.jpg", "one other value"), ("camera.json", "image")):
         (tmp_path / "inverse.png").write_bytes(encode_png((np.mgrid[:72, :96][0] < 10).astype(np.uint8)))
         path = tmp_path / "inverse.png" if message == "together" else files / wrong
         before = scene.oneframe.frame_path

@@ -77,7 +77,6 @@ def named(names, values=DISTORTION):
 
 
 ALL = {
-    "opencv xml": lambda k: opencv(k, ".xml"),
     "pyyaml": lambda k: yaml.dump(
         {"camera_matrix": k.tolist(), "dist_coeff": [list(DISTORTION)], "image_size": list(SIZE)}
     ),
@@ -188,7 +187,7 @@ BAD = {
         as_json(cam={"projection_type": "brown", "width": 640, "focal": 0.9}),
         "found projection_type, focal; ",
     ),
-    "Metashape's": ("<calibration><f>1500</f><cx>3</cx></calibration>", "its outermost tag is calibration"),
+    "Metashape's": ("<calibration><f>1500</f><cx>3</cx></calibration>", "found another kind of file"),
     "MATLAB's transposed": (as_json(IntrinsicMatrix=K.T.tolist()), r"expected \[\[fx, 0, cx\]"),
     **{
         f"a part of the sensor: {name}": (
@@ -216,7 +215,7 @@ BAD = {
     ),
     "a key twice in JSON": ('{"fx": 9, "cx": 9, "cy": 9, "cx": 8}', "the key 'cx' twice"),
     "a key twice in YAML": ("fx: 9\ncx: 9\ncy: 9\ncx: 8\n", "it holds 'cx' twice"),
-    "XML of another kind": ("<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>", "a document type"),
+    "OpenCV's XML": (opencv(K, ".xml"), "found another kind of file; write its numbers as JSON"),
     "YAML that grows": (
         "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}' if i else '1'] * 9)}]\n" for i in range(30)),
         r"it names a list again, as \*id001: write each list out",
@@ -243,7 +242,7 @@ def message_of(folder: Path, content: bytes) -> str:
     return "camera: taken"
 
 
-@pytest.mark.parametrize("name", ["opencv yaml", "opencv xml", "json K", "case", "colmap"])
+@pytest.mark.parametrize("name", ["opencv yaml", "json K", "case", "colmap"])
 @given(data=st.data())
 def test_damaged_files_give_a_camera_or_a_message(tmp_path_factory, name, data):
     content = (ALL | WITH_SIZE | WITHOUT_SIZE)[name](K)
@@ -335,6 +334,6 @@ def test_one_of_several_cameras_is_named_by_its_key(tmp_path):
     path = tmp_path / "scene_camera.json"
     cameras = {str(number): {"cam_K": (K * [[number], [number], [1]]).ravel().tolist()} for number in (1, 2)}
     path.write_text(json.dumps(cameras))
-    assert read_camera(path, "2").fx == pytest.approx(2 * K[0, 0])
+    assert read_camera(Path(f"{path}#2")).fx == pytest.approx(2 * K[0, 0])
     with pytest.raises(InputError, match=r"scene_camera.json: expected a camera '9' in it, found none"):
-        read_camera(path, "9")
+        read_camera(Path(f"{path}#9"))

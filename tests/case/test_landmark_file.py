@@ -73,8 +73,11 @@ BAD = {
         "line 2: expected at most 7 cells, .* found 9; write decimal",
     ),
     "truth": (HEADER + "tip,,,,,,maybe\n", "line 2: expected enabled = true or false, found 'maybe'"),
-    "no name": (HEADER + ",1,2,3,,,\n", "line 2: expected a name, found ''"),
-    "name twice": (HEADER + "a,,,,,,\nb,,,,,,\na ,,,,,,\n", "line 4: expected another name, 'a' is also in line 2"),
+    "no name": (HEADER + ",1,2,3,,,\n", "landmark number 1: expected a name, found ''"),
+    "name twice": (
+        HEADER + "a,,,,,,\nb,,,,,,\na ,,,,,,\n",
+        "landmark: expected a different name for each landmark, found 'a' twice",
+    ),
     "quote without end": (HEADER + 'tip,1,2,3,"10,20,true\n', "line 2: expected CSV, found a mistake"),
     "broken JSON": ('[{"name": ', "expected JSON, found a mistake"),
     "JSON key": ('[{"name": "tip", "point": []}]', "landmark number 1: unknown key 'point'"),

@@ -1,6 +1,7 @@
 """A network learns where a picture shows which point of a surface; PnP makes a pose of that, which is judged."""
 
 import json
+import re
 from dataclasses import asdict, replace
 from types import SimpleNamespace
 
@@ -14,7 +15,7 @@ from oneframe.case.loaded_case import load_case
 from oneframe.dataset.identity import geometry_hash
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
-from oneframe.learning.pose_network import KEY, NetworkRecord, PoseNetwork, network_input, pose_of
+from oneframe.learning.pose_network import KEY, UNSEALED, NetworkRecord, PoseNetwork, network_input, pose_of, sealed
 from oneframe.learning.view_crops import FULL, NOTHING, ViewCrops
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.registration.verdict import ACCEPTED, REFUSED
@@ -115,7 +116,7 @@ def network_of_colours(record: NetworkRecord) -> bytes:
     ends = described(11, "image", (4, 3, 128, 160)) + described(12, "cells", (4, 5, 16, 20))
     graph = convolution + part(2, "colours") + tensors + ends
     metadata = part(14, part(1, KEY) + part(2, record.text()))
-    return number(1, 8) + part(7, graph) + part(8, number(2, 13)) + metadata
+    return sealed(number(1, 8) + part(7, graph) + part(8, number(2, 13)) + metadata)
 
 
 def test_a_frame_in_which_features_fail_is_located_and_judged(coded_case):
@@ -142,7 +143,7 @@ def test_what_haze_hides_is_seen_at_the_second_try(coded_case):
     assert second_mm < 5
 
 
-@pytest.mark.parametrize("what", ["surface", "zoom", "record", "cut off"])
+@pytest.mark.parametrize("what", ["surface", "zoom", "record", "cut off", "damaged"])
 def test_a_network_of_something_else_is_refused(coded_case, what):
     folder, _, record = coded_case
     data = {
@@ -150,8 +151,9 @@ def test_a_network_of_something_else_is_refused(coded_case, what):
         "zoom": network_of_colours(replace(record, fx=3 * record.fx)),
         "record": b"ONNX",
         "cut off": network_of_colours(record)[3000:],
+        "damaged": network_of_colours(record).replace(b"Conv", b"Comv"),
     }[what]
-    words = {"surface": "another", "zoom": "zoom", "record": "oneframe train wrote", "cut off": "again"}[what]
+    words = {"surface": "another", "zoom": "zoom", "record": "oneframe train wrote"}.get(what, "again")
     (folder / "network.onnx").write_bytes(data)
     with pytest.raises(InputError, match=rf"network\.onnx: expected .*{words}"):
         registration.registered(folder, "frames", folder / "located", "--network", folder / "network.onnx")
@@ -167,7 +169,8 @@ def test_a_network_of_something_else_is_refused(coded_case, what):
     ],
 )  # fmt: skip
 def test_a_record_that_lies_is_none(lie):
-    data = network_of_colours(RECORD).replace(RECORD.text().encode(), json.dumps(asdict(RECORD) | lie).encode())
+    lying = json.dumps(asdict(RECORD) | lie | {"sha256": UNSEALED.decode()}).encode()
+    data = sealed(re.sub(rb'\{"surface[^}]*\}', lying, network_of_colours(RECORD)))
     with pytest.raises(InputError, match="found no record of its training that could be"):
         NetworkRecord.of_file(data, "network.onnx")
 

@@ -9,8 +9,8 @@ import pytest
 from oneframe.errors import InputError
 from oneframe.poses.constraints import Constraints, Rejections, ViewStatistics, plan_given_pose, plan_pose
 from oneframe.poses.distributions import ReferencePose, Shell
-from oneframe.poses.pose_file import read_frame_poses, read_poses
-from oneframe.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector
+from oneframe.poses.pose_file import listed_poses, read_frame_poses, read_pose, read_poses
+from oneframe.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector, rotation_vector
 from tests.poses.test_distributions import ks_distance
 
 COUNT = 1500
@@ -168,7 +168,7 @@ def test_arrays_that_are_not_poses_are_refused_and_never_executed(tmp_path, monk
         ("bad.json", "3", "expected a list of poses"),
         ("bad.json", '[{"pose": 1}]', "pose 0 .*expected the key cam_from_mesh"),
         ("bad.json", json.dumps([np.eye(4).tolist(), np.diag([1.0, 1, 1, 9]).tolist()]), "pose 1 .*last row"),
-        ("bad.txt", "[]", "found extension"),
+        ("bad.txt", "a b", "found words"),
     ],
 )
 def test_text_that_is_not_poses_is_refused(tmp_path, name, text, message):
@@ -218,3 +218,37 @@ def test_poses_that_do_not_fit_the_frames_are_refused(tmp_path, listed, message)
     (tmp_path / "poses.json").write_text(json.dumps(listed))
     with pytest.raises(InputError, match=message):
         read_frame_poses(tmp_path / "poses.json", 4, mesh_from_model=np.eye(4))
+
+
+def test_tables_of_bop_and_colmap_give_the_same_photographs(tmp_path):
+    poses, scene, cameras, lines = some_poses(), {}, {}, ["# two lines an image"]
+    for number, pose in enumerate(poses):
+        turn = {"cam_R_m2c": pose[:3, :3].ravel().tolist(), "cam_t_m2c": pose[:3, 3].tolist(), "obj_id": 5}
+        scene[str(number)] = [turn] if number else [turn, turn | {"obj_id": 6}]
+        cameras[str(number)] = {"cam_K": [900 + number, 0, 9, 0, 900, 9, 0, 0, 1]}
+        vector = rotation_vector(pose[:3, :3])
+        half = np.linalg.norm(vector) / 2
+        quaternion = [np.cos(half), *(np.sin(half) / (2 * half) * vector)]
+        lines += [
+            f"{number + 1} {' '.join(map(repr, map(float, [*quaternion, *pose[:3, 3]])))} 1 image {number}.png",
+            "",
+        ]
+    for name, content in (("scene_gt", scene), ("scene_camera", cameras)):
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+    (tmp_path / "images.txt").write_text("\n".join(lines))
+    for name in ("scene_gt.json#/5", "images.txt"):
+        read, messages = read_poses(tmp_path / name, mesh_from_model=np.eye(4))
+        np.testing.assert_allclose(read, poses, atol=1e-9)
+        assert messages == []
+    for name in ("scene_gt.json#1", "scene_gt.json#1/5", "images.txt#image 1.png"):
+        np.testing.assert_allclose(read_pose(tmp_path / name)[0], poses[1], atol=1e-9)
+    assert listed_poses(tmp_path / "scene_camera.json#2")[0]["camera"] == "scene_camera.json#2"
+    (tmp_path / "short.txt").write_text("\n".join(line for line in lines if line))
+    for name, message in (
+        ("scene_gt.json", "image 0: expected one object, found 2; write which after #: scene_gt.json#/OBJECT"),
+        ("scene_gt.json#1/7", "image or object that # names, found none"),
+        ("images.txt#image 1.png", "expected --units mm or m"),
+        ("short.txt", "expected two lines for each image"),
+    ):
+        with pytest.raises(InputError, match=message):
+            read_pose(tmp_path / name, mm_per_unit=None)

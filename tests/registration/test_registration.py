@@ -270,6 +270,7 @@ def test_a_film_says_where_the_surface_changes(registrar, mesh):
     found = change(same[:8] + other)
     assert found.since == 80
     assert 0.05 < found.share < 0.3
+    assert found.blocks.sum() == found.blocks[2:8, 2:9].sum()
     assert f"from frame {found.since}" in found.words()
     assert change(same[:4] + other + same[4:8]) is None
     assert change(same) is None
@@ -369,7 +370,7 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     (folder / "00.png").write_bytes((folder / "0.png").read_bytes())
     loaded = load_case(read_case(tmp_path / "case.toml"))
     accepted = accepted_frames(tmp_path / f"registered_{folder.name}", None, loaded)
-    assert [path.name for path in accepted.images.values()] == ["0.png", "1.png", "2.png"]
+    assert [each.path.name for each in accepted.images.values()] == ["0.png", "1.png", "2.png"]
     entries = json.loads((tmp_path / f"registered_{folder.name}" / "poses.json").read_text())
     for number, pose in accepted.poses.items():
         entry = entries[number]["cam_from_mesh"]

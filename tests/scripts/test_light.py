@@ -87,7 +87,7 @@ def test_frames_that_are_none_are_named(tmp_path, light):
     entries = json.loads((registered / LIST).read_text())
     for changed, words in (
         ([entry | {"state": "doubtful"} for entry in entries], "expected accepted frames, found none among 4"),
-        ([{**entry, "image": ""} for entry in entries], "name it with --video"),
+        ([{**entry, "image": ""} for entry in entries], "frames of a video with --video"),
         ([[1, 2]], "expected the poses that oneframe register writes"),
     ):
         (registered / LIST).write_text(json.dumps(changed))

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from oneframe.case.case_file import read_case
-from oneframe.case.case_queue import NEW, queued_cases, state_of
 from oneframe.case.loaded_case import load_case
 from oneframe.case.pose_record import PoseRecord
 from oneframe.commands.__main__ import dispatch
@@ -203,7 +202,7 @@ def test_k_of_another_size_is_refused_with_the_factor_or_rescaled(given, tmp_pat
     camera = read_case(tmp_path / "case" / "case.toml").camera
     assert (camera.fx, camera.fy, camera.cx, camera.cy, camera.size_wh) == (450, 452.5, 47.5, 35.5, (WIDTH, HEIGHT))
     # typed, it is the same
-    typed = {"camera": None, "K": [900, 905, 95.5, 71.5], "size": [192, 144], "rescale_camera": True}
+    typed = {"camera": None, "K": [450, 452.5, 47.5, 35.5]}
     assert dispatch(line(given, **typed, out=tmp_path / "typed")) == 0
     assert read_case(tmp_path / "typed" / "case.toml").camera == camera
     (given / "camera.json").write_text(json.dumps(K | {"width": 200}))
@@ -248,28 +247,6 @@ def test_meshes_of_others_in_metres_with_a_pose(given, tmp_path, capfd):
     assert SECRET.encode() not in b"".join(path.read_bytes() for path in case.path.parent.glob("*.*"))
 
 
-def test_several_frames_are_a_queue_of_one_surface(given, tmp_path):
-    frames = [given / f"{name}.png" for name in "abc"]
-    for number, path in enumerate(frames):
-        save(path, np.roll(frame_codes(255), number, axis=1))
-    assert dispatch(line(given, frame=frames)) == 0
-    cases = [read_case(path, posed=False) for path in queued_cases(tmp_path / "case")]
-    assert [case.path.parent.name for case in cases] == ["a", "b", "c"]
-    assert [state_of(case) for case in cases] == [NEW] * 3
-    assert len({case.mesh.resolve() for case in cases}) == 1
-    for case, path in zip(cases, frames, strict=True):
-        assert np.array_equal(cv2.imread(str(case.image)), cv2.imread(str(path)))
-    with pytest.raises(InputError, match="--mask: expected one frame with it, found 3"):
-        dispatch(line(given, frame=frames, mask=given / "mask.png", out=tmp_path / "other"))
-    narrow = save(given / "narrow.png", frame_codes(255)[:, ::2])
-    with pytest.raises(InputError, match=r"narrow.png: expected the proportions of .*96x72 px, found 48x72"):
-        dispatch(line(given, frame=[*frames, narrow], out=tmp_path / "other"))
-    assert not (tmp_path / "other").exists()
-    half = save(given / "half.png", frame_codes(255)[::2, ::2])
-    assert dispatch(line(given, frame=[*frames, half], out=tmp_path / "other")) == 0
-    assert read_case(tmp_path / "other" / "half" / "case.toml", posed=False).camera.size_wh == (48, 36)
-
-
 def break_record(given: Path, change) -> None:
     path = given / "surface" / "surface.json"
     record = json.loads(path.read_text())
@@ -295,7 +272,7 @@ WRONG = {
     "a surface that is none": (lambda given: {"surface": given / "camera.json"}, "expected a mesh file"),
     "a report with a file elsewhere": (
         lambda given: break_record(given, lambda record: record["surface"].update(file="../surface/surface.ply")),
-        "expected a file in this folder",
+        "expected the report of oneframe surface, found something else",
     ),
     "a structure twice": (
         lambda given: {"structure": f"facial_nerve={given}/surface/surface.ply"}, "'facial_nerve' twice"

@@ -156,7 +156,8 @@ def _angle_deg(frames: Sequence[PosedFrame], pose: np.ndarray, pivot_model: np.n
 def _shown_surfaces(case: EvaluationCase, trace: Render, numbers: Iterable[int]) -> Iterator[ShownSurface]:
     for number in numbers:
         photograph = case.photographs[number]
-        frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=f"photograph_{number + 1}")
+        mesh_from_model, name = case.loaded.surface.mesh_from_model, f"photograph_{number + 1}"
+        frame = load_posed_frame(photograph, mesh_from_model, name=name)
         view = trace(frame.cam_from_model)
         yield ShownSurface(number, frame.image, view.mask & frame.valid, view.observed & frame.valid)
 

@@ -32,10 +32,8 @@ IMAGES = (".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".tif", ".tiff", ".bmp", ".w
 """Endings of images in a folder; what is no PNG or JPEG among them is refused with its name, not passed over."""
 
 
-LISTS = (".json", ".txt")
-"""Endings of lists of photographs, as :func:`.listed_poses` reads them."""
-CAMERA = "camera"
-"""Key of an entry of a list: the file of its camera, and after # which of that file."""
+LISTS, CAMERA = (".json", ".txt"), "camera"
+"""Endings of lists of photographs, and the key of an entry for the file of its camera, with # which of that file."""
 ENTRY = (
     POSE_KEY, CAMERA, NO_SCALE, "frame", "state", "probability", "reason", "changed", "covariance_mm_rad",
     "pivot_mesh_mm", "radius_mm",

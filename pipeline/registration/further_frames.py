@@ -17,11 +17,12 @@ from ..case.case_file import Case
 from ..case.frame import PosedFrame
 from ..errors import InputError
 from ..files.content import read_content
-from ..files.keys import described, file_and_place
+from ..files.keys import check_keys, described, file_and_place
 from ..images.image_check import check_image
 from ..images.image_reader import read_image
 from ..images.pixel_values import to_uint8
 from ..poses.pose_file import listed_poses
+from ..poses.pose_tables import NO_SCALE, POSE_KEY
 from ..video.film_reader import Film
 from ..video.frame_mask import Resampler
 
@@ -33,6 +34,11 @@ IMAGES = (".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".tif", ".tiff", ".bmp", ".w
 
 LISTS, CAMERA = (".json", ".txt"), "camera"
 """Endings of lists of photographs, and the key of an entry for the file of its camera, with # which of that file."""
+ENTRY = (
+    POSE_KEY, CAMERA, NO_SCALE, "frame", "state", "probability", "reason", "changed", "covariance_mm_rad",
+    "pivot_mesh_mm", "radius_mm",
+)  # fmt: skip
+"""All keys of an entry beside its image, also of a list that :mod:`.pose_list` writes."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +60,12 @@ class ListedImage:
     @classmethod
     def of_entry(cls, entry: Any, where: str, folder: Path) -> "ListedImage":
         """The image of a list's entry; ``where`` begins messages, ``folder`` is the list's."""
-        image = entry.get("image") if isinstance(entry, dict) else None
-        if not isinstance(image, str) or not image:
-            raise InputError(f'{where}: expected {{"image": file, ...}}, found image = {described(image)}')
-        if not isinstance(named := entry.get(CAMERA), str):
-            return cls(folder / image)
-        return cls(folder / image, folder / named, read_camera(folder / named))
+        check_keys(entry if isinstance(entry, dict) else {}, ("image",), ENTRY, f"{where}: ")
+        image, named = entry["image"], entry.get(CAMERA, "")
+        if not (isinstance(image, str) and image and isinstance(named, str)):
+            found = f"found image = {described(image)}, {CAMERA} = {described(named)}"
+            raise InputError(f"{where}: expected the name of an image, and of a {CAMERA}'s file if any, {found}")
+        return cls(folder / image, folder / named, read_camera(folder / named)) if named else cls(folder / image)
 
     @property
     def size_wh(self) -> tuple[int, int]:

@@ -151,7 +151,8 @@ class FrameReader:
             image, valid = read_image(listed.path, name)
             camera, lens = listed.lens(self._case, (image.shape[1], image.shape[0]))
         except InputError as error:
-            return self._unusable(name, number, str(error).removeprefix(f"{name}: "))
+            # the page goes to others: no folders of this machine
+            return self._unusable(name, number, str(error).removeprefix(f"{name}: ").replace(str(listed.path), "it"))
         # as fine as it will be
         camera = camera.within(max(round(max(camera.size_wh) * self.camera.fx / camera.fx), 1))
         small, shown = _reduced(image, valid, camera.size_wh)

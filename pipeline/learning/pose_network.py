@@ -90,8 +90,8 @@ class NetworkRecord:
             is_whole = False
         if not is_whole:
             raise InputError(
-                f"{name}: expected a whole network that oneframe train wrote, found no record of its training that "
-                "could be; name its file, or copy it again"
+                f"{name}: expected a whole network that oneframe train wrote, found another file, or a damaged one; "
+                "name its file, or copy it again"
             )
         return record
 

@@ -15,7 +15,7 @@ from ..camera.intrinsics_file import CameraFile, read_camera
 from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
 from ..case.frame import PosedFrame
-from ..errors import InputError
+from ..errors import InputError, printable
 from ..files.content import read_content
 from ..files.keys import check_keys, described, file_and_place
 from ..images.image_check import check_image
@@ -151,7 +151,9 @@ class FrameReader:
             image, valid = read_image(listed.path, name)
             camera, lens = listed.lens(self._case, (image.shape[1], image.shape[0]))
         except InputError as error:
-            return self._unusable(name, number, str(error).removeprefix(f"{name}: "))
+            # the page goes to others: no folders of this machine
+            reason = str(error).replace(printable(str(listed.path)), "it").removeprefix(f"{printable(name)}: ")
+            return self._unusable(name, number, reason)
         # as fine as it will be
         camera = camera.within(max(round(max(camera.size_wh) * self.camera.fx / camera.fx), 1))
         small, shown = _reduced(image, valid, camera.size_wh)

@@ -167,6 +167,10 @@ class PoseUncertainty:
         """That of standard deviations ``factor`` times as large."""
         return replace(self, covariance=factor**2 * self.covariance)
 
+    def plus(self, covariance: np.ndarray) -> "PoseUncertainty":
+        """That with another ``(6, 6)`` covariance added, about the same pivot."""
+        return replace(self, covariance=self.covariance + covariance)
+
     def about(self, pivot_model: np.ndarray, cam_from_model: np.ndarray) -> "PoseUncertainty":
         """The same uncertainty of the pose ``(4, 4)``, as that of a twist about another pivot ``(3,)``."""
         moved = np.eye(6)

@@ -25,8 +25,8 @@ from .register import RegisteredFrame, accepted_poses
 from .verdict import ACCEPTED, Verdict
 
 POSES = "poses.json"
-CHANGED = "changed"
-"""Key of a frame's entry in which a film no longer shows what the case's frame shows."""
+CHANGED, BY_ZOOM = "changed", "by_zoom_mm_rad"
+"""Keys of a frame's entry: where a film no longer shows what the case's frame shows; the zoom's part of covariance."""
 MOST_ACCEPTED = 12
 """Frames that :func:`small_frames` takes: of more, evenly chosen ones."""
 
@@ -44,6 +44,7 @@ def pose_entry(
         return entry
     pose = registered.cam_from_model @ inverse_rigid(mesh_from_model)
     pose[:3, 3] /= mm_per_unit
+    entry |= {} if registered.by_zoom is None else {BY_ZOOM: registered.by_zoom.tolist()}
     return entry | {POSE_KEY: pose.tolist(), **registered.uncertainty.entry(mesh_from_model)}
 
 
@@ -60,13 +61,15 @@ def registered_of(
     frames = {}
     for entry in entries:
         verdict = Verdict(str(entry["state"]), float(entry["probability"]), str(entry["reason"]))
-        pose = uncertainty = None
+        pose = uncertainty = by_zoom = None
         if entry[POSE_KEY] is not None:
             cam_from_mesh, _ = checked_rigid(entry[POSE_KEY], POSE_KEY)
             cam_from_mesh[:3, 3] *= mm_per_unit
             pose = cam_from_mesh @ mesh_from_model
             uncertainty = PoseUncertainty.of_entry(entry, pose, mesh_from_model)
-        frames[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty, changed=bool(entry.get(CHANGED)))
+            by_zoom = np.array(entry[BY_ZOOM], float) if BY_ZOOM in entry else None
+        changed = bool(entry.get(CHANGED))
+        frames[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty, by_zoom=by_zoom, changed=changed)
     return frames
 
 
@@ -94,7 +97,8 @@ def registration_record(
     tool, date
         Program and version; day in ISO 8601.
     """
-    pose, uncertainty, verdict = registered.cam_from_model, registered.uncertainty, registered.verdict
+    # K is the case's, and so is the zoom
+    pose, uncertainty, verdict = registered.cam_from_model, registered.with_zoom_of_case, registered.verdict
     if pose is None or uncertainty is None:
         return UNKNOWN
     # nobody knows how far it is off where the aligned frame's pose says nothing

@@ -59,6 +59,8 @@ class RegisteredFrame:
         What the pose was found from.
     zoom
         The focal length that fits best; judged by :func:`judged_together`.
+    by_zoom
+        ``(6,)`` the part of the uncertainty that the zoom has: where one standard deviation of it moves the pose.
     changed
         Whether the film no longer shows there what the case's frame shows.
     """
@@ -68,7 +70,15 @@ class RegisteredFrame:
     uncertainty: PoseUncertainty | None = None
     fit: FlowFit | None = None
     zoom: Zoom | None = None
+    by_zoom: np.ndarray | None = None
     changed: bool = False
+
+    @property
+    def with_zoom_of_case(self) -> PoseUncertainty | None:
+        """The uncertainty if the zoom is that of the case's frame, as K says."""
+        if self.uncertainty is None or self.by_zoom is None:
+            return self.uncertainty
+        return self.uncertainty.plus(-np.outer(self.by_zoom, self.by_zoom))
 
 
 class Registrar:
@@ -198,21 +208,24 @@ class RegistrationRun:
 def judged_together(frames: Sequence[RegisteredFrame]) -> list[RegisteredFrame]:
     """Frames of one set, in their order, less sure or refused where they seem to be zoomed.
 
-    Where their zooms scatter by more than they state, as on a soft surface, the covariances of all poses grow as much.
+    How far they may be zoomed is part of the covariance, by each one's own estimate; the probability is with the zoom
+    of the case. Where zooms scatter by more than they state, as on a soft surface, the covariances grow as much.
     """
     judged = list(frames)
     zooms = {number: frame.zoom for number, frame in enumerate(frames) if frame.zoom is not None}
     if not zooms:
         return judged
-    same_of_all = at_same_focal_length(list(zooms.values()))
+    same_of_all, deviations = at_same_focal_length(list(zooms.values()))
     factor = understated(list(zooms.values()), same_of_all)
-    for number, same in zip(zooms, same_of_all, strict=True):
+    for (number, zoom), same, deviation in zip(zooms.items(), same_of_all, deviations, strict=True):
         frame = frames[number]
         if frame.uncertainty is not None:
-            frame = replace(frame, uncertainty=frame.uncertainty.widened(factor))
+            by_zoom = deviation * zoom.moves
+            uncertainty = frame.uncertainty.widened(factor).plus(np.outer(by_zoom, by_zoom))
+            frame = replace(frame, uncertainty=uncertainty, by_zoom=by_zoom)
         probability = frame.verdict.probability * float(same)
         reason = (
-            f"the zoom seems to be {zooms[number].factor:.2f} times that of the case's frame, or that frame's pose is "
+            f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is "
             f"off (--correct-source)"
         )
         if max(probability, float(same)) < LEAST_DOUBTFUL:

@@ -155,6 +155,11 @@ def test_another_focal_length_is_told_from_another_distance(registrar, mesh, fac
     found, clean = replace(found, zoom=zoom), replace(found, zoom=zoom._replace(factor=1.0))
     (alone,) = judged_together([found])
     assert (alone.verdict.state == ACCEPTED) == (factor == 1)
+    if alone.uncertainty is not None:
+        # it is taken to be nearer, which its covariance allows, but not with the zoom of the case
+        off_mm = abs((found.cam_from_model - seen_from(25, 10))[2, 3])
+        assert off_mm < 2 * alone.uncertainty.translation_mm[2]
+        assert (off_mm > 10 * alone.with_zoom_of_case.translation_mm[2]) == (factor != 1)
     # the others of its set say how exact the case is
     *others, judged = judged_together([clean] * 6 + [found])
     assert judged.verdict.state == (ACCEPTED if factor == 1 else REFUSED)
@@ -185,7 +190,7 @@ def test_zooms_are_judged_as_a_set():
         def same(logs: np.ndarray, stated: float = sigma, rng: np.random.Generator = rng) -> np.ndarray:
             # where the surface is exact, estimates err by half of what they state
             found = logs + rng.normal(0, stated / 2, len(logs))
-            return at_same_focal_length([Zoom(factor, stated, 0.025) for factor in np.exp(found)])
+            return at_same_focal_length([Zoom(factor, stated, 0.025) for factor in np.exp(found)])[0]
 
         assert same(exact).min() > 0.97
         # all, half and one of them
@@ -216,7 +221,7 @@ def test_a_zoom_is_doubted_where_the_relief_tells_it(half_mm, relief_mm, tilt, f
         rng = np.random.default_rng(seed)
         moved = zoomed + rng.normal(0, shared_px, (blocks, 2))[block] + rng.normal(0, 0.1, pixels.shape)
         fit = FlowFit(pose, large, pixels, none[:, 0], points, moved, none)
-        (same,) = at_same_focal_length([zoom_of(fit, PIVOT)])
+        (same,), _ = at_same_focal_length([zoom_of(fit, PIVOT)])
         assert (same < LEAST_ACCEPTED) == (factor != 1)
 
 
@@ -397,7 +402,8 @@ def test_the_command_corrects_the_source(mesh, tmp_path):
     own = case.alignment.table()
     for entry, pose in zip([own, *found], [SOURCE, *poses], strict=True):
         estimate = case.cam_from_mesh if entry is own else np.array(entry["cam_from_mesh"])
-        known = PoseUncertainty.of_entry(entry, estimate, np.eye(4))
+        by_zoom = np.array(entry.get("by_zoom_mm_rad", np.zeros(6)))
+        known = PoseUncertainty.of_entry(entry, estimate, np.eye(4)).plus(-np.outer(by_zoom, by_zoom))
         assert np.abs(twist_between(estimate, pose, known.pivot_model)[:3]).max() < 0.2
         assert known.translation_mm[2] < 1.0
         assert known.translation_mm[:2].max() < 0.1

@@ -11,6 +11,7 @@ from ..camera.pinhole import whereabouts
 from ..errors import InputError
 from ..files.keys import nearest_name
 from ..images.overlay import draw_overlay
+from ..images.pixel_values import to_uint8
 from ..poses.pose_file import OTHER_CONVENTION
 from ..projection.initial_pose import initial_pose
 from ..projection.overlay_scene import OverlayScene
@@ -198,7 +199,7 @@ def _check_distance(case: Case, mesh: TriangleMesh, points_cam: np.ndarray) -> N
 
 
 def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None) -> np.ndarray:
-    """The frame with its overlay, ``(H, W, 3)`` float32 values 0..1.
+    """The frame with its overlay, ``(H, W, 3)`` uint8.
 
     Parameters
     ----------
@@ -210,7 +211,8 @@ def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None
     frame = loaded.frame
     camera, pose = frame.camera, frame.cam_from_model
     scene = overlay_scene(loaded.with_shown_structures())
-    return draw_overlay(frame.image, scene.surface_layer(camera, pose, surface_depth_mm), scene.layers(camera, pose))
+    surface = scene.surface_layer(camera, pose, surface_depth_mm)
+    return draw_overlay(to_uint8(frame.image), surface, scene.layers(camera, pose))
 
 
 def overlay_scene(loaded: LoadedCase) -> OverlayScene:

@@ -15,7 +15,6 @@ from ..files.keys import file_and_place
 from ..files.numbers import MM_PER_UNIT
 from ..files.outputs import check_outputs, writing
 from ..images.masked_frame import with_mask_tinted
-from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from ..poses.pose_file import read_pose
 from ..projection.initial_pose import initial_pose
@@ -142,7 +141,7 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     remove_unnamed(out, replaced, inputs=inputs.values())
     yield f"case: {case.path}"
     # as every other command reads it
-    picture = encode_png(to_uint8(_overlay(load_case(read_case(case.path), aligned=False))))
+    picture = encode_png(_overlay(load_case(read_case(case.path), aligned=False)))
     keep_files([KeptFile(out / OVERLAY, picture)], inputs)
     yield f"frame with the surface at this pose: {out / OVERLAY}"
 
@@ -222,6 +221,6 @@ def _with_pose(case: Case, given: CaseInputs, surface: SurfaceFolder, mesh: Tria
 
 
 def _overlay(loaded: LoadedCase) -> np.ndarray:
-    """``(H, W, 3)`` float32 values 0..1: the frame with outline and structures, and its mask in blue."""
+    """``(H, W, 3)`` uint8: the frame with outline and structures, and its mask in blue."""
     tinted = with_mask_tinted(loaded.frame.image, loaded.frame.valid)
     return frame_overlay(replace(loaded, frames=(replace(loaded.frame, image=tinted),)))

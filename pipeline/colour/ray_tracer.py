@@ -15,7 +15,7 @@ from ..images.pixel_values import ROUNDING_PX
 from ..kernels.lookup import FrameLookup, Met, Painted, interpolate, met_points, paint, shading_normals, shown_by
 from ..projection.edge_pixels import pixel_pattern
 from ..projection.rendered_view import RenderedView
-from ..projection.z_buffer import fronts, inverse_depth_map, nearest_at, projected, rasterise_depth
+from ..projection.z_buffer import fronts, inverse_depth_map, nearest_at, nearest_at_centres, projected
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, filtered_image, footprint_scale, smoothed
@@ -104,9 +104,10 @@ class RayTracer:
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
         """Render a pose (4x4, mm)."""
-        raster = rasterise_depth(self._mesh, self._camera, cam_from_model)
+        points = projected(self._mesh, self._camera, cam_from_model)
+        raster = nearest_at_centres(points, self._mesh, self._camera)
         met = Met(self._centres, raster.face.ravel(), raster.inverse_depth.ravel())
-        rgb, *others = self._coloured(met, cam_from_model, filtered=True)
+        rgb, *others = self._coloured(met, points, cam_from_model, filtered=True)
         shape = self._camera.shape_hw
         depth_mm = inverse_depth_map(raster.inverse_depth)
         exact = RenderedView(rgb.reshape(*shape, 3), depth_mm, *(each.reshape(shape) for each in others))
@@ -133,28 +134,30 @@ class RayTracer:
     def _in_pixels(self, cam_from_model: np.ndarray, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Several rays in each pixel: see :data:`.CastRays`."""
         count = len(self._pattern)
+        points = projected(self._mesh, self._camera, cam_from_model)
         colours, kinds = np.zeros((len(u), count, 3), np.float32), np.full((len(u), count), MISSED, np.int8)
         for first in range(0, len(u), rows := max(1, MOST_POINTS // count)):
             block = slice(first, first + rows)
             uv = (np.stack([u[block], v[block]], axis=1)[:, None] + self._pattern).reshape(-1, 2)
             inverse_depth, face = nearest_at(self._mesh, self._camera, cam_from_model, uv)
-            rgb, source, _ = self._coloured(Met(uv, face, inverse_depth), cam_from_model, filtered=False)
+            rgb, source, _ = self._coloured(Met(uv, face, inverse_depth), points, cam_from_model, filtered=False)
             colours[block] = rgb.reshape(-1, count, 3)
             kinds[block] = np.where(face < 0, MISSED, np.where(source > 0, OBSERVED, UNSEEN)).reshape(-1, count)
         return colours, kinds
 
-    def _coloured(self, met: Met, cam_from_model: np.ndarray, *, filtered: bool) -> Painted:
+    def _coloured(self, met: Met, points: np.ndarray, cam_from_model: np.ndarray, *, filtered: bool) -> Painted:
         """The colours of what rays meet, black for nothing."""
         mesh, count, scales = self._mesh, len(met.face), self._scales(cam_from_model)
-        points, front = projected(mesh, self._camera, cam_from_model), fronts(mesh, cam_from_model)
-        seen = _Seen(met, points, front, self._camera, cam_from_model)
-        hit = met.face >= 0
-        rgb = np.repeat(hit * np.float32(NEUTRAL), 3).reshape(-1, 3)
+        seen = _Seen(met, points, fronts(mesh, cam_from_model), self._camera, cam_from_model)
+        hit, rgb = met.face >= 0, np.zeros((count, 3), np.float32)
         painted = Painted(rgb, np.zeros(count, np.uint8), np.zeros(count, bool))
         for number, painter in enumerate(self._painters):
             painter.paint(seen, number + 1, painted, filtered=filtered, scale=scales[number] if scales else None)
+        unseen = hit & (painted.source == 0)
         if self._surface.unseen is not None:
-            interpolate(self._surface.unseen, mesh.faces, points, met, hit & (painted.source == 0), rgb)
+            interpolate(self._surface.unseen, mesh.faces, points, met, unseen, rgb)
+        else:
+            rgb[unseen] = NEUTRAL
         if self._surface.light is not None:
             self._light(self._surface.light, seen, rgb, hit)
         return painted

@@ -114,14 +114,15 @@ def _render_case(arguments: argparse.Namespace, output: TextIO) -> None:
             "take it back in the window, or delete [frame] refused"
         )
     check_folder(arguments.out, _read_by(job))
+    if arguments.worker:
+        work(job, workers=arguments.workers, stream=output)
+        return
+    # the right eye's workers are in the left eye's dataset
     around = next((each for each in arguments.out.resolve().parents if (each / RECORD).is_file()), None)
     if around is not None:
         raise InputError(
             f"{arguments.out}: expected a folder of its own, found it in the dataset {around}; name another"
         )
-    if arguments.worker:
-        work(job, workers=arguments.workers, stream=output)
-        return
     if arguments.end_with_input:
         end_with_input()
     if case.alignment.method == INITIAL_GUESS:

@@ -14,6 +14,7 @@ from ..case.frame import UnreadFrame
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..files.content import hashed_reading, read_content
+from ..files.keys import file_and_place
 from ..images.png import DEFLATE
 from ..poses.distributions import PoseDistribution, ReferencePose, Trajectory, farthest_listed_mm
 from .identity import COUNT, DEPTH_SCALE, POSES_HASH, geometry_hash, poses_hash
@@ -33,7 +34,7 @@ def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
     """
     files = {name: path for name, path in case.input_files().items() if name != "case"}
     if options.poses is not None:
-        files[POSES] = Path(options.poses)
+        files[POSES], _ = file_and_place(Path(options.poses))
     return files
 
 

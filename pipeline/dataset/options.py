@@ -168,8 +168,8 @@ class DatasetOptions:
     count: int = _option(100, "number of views", name="Views", least=1, most=10_000_000, is_content=False)
     seed: int = _pose(0, "seed of the poses; view i depends only on the seed and i", least=0)
     poses: str | None = _pose(
-        None, "explicit poses cam_from_mesh, in the frame of the mesh file: .npy (N x 4 x 4) or a JSON list; they "
-        "replace the sampler and --count", is_content=False,
+        None, "explicit poses cam_from_mesh, in the frame of the mesh file: .npy (N x 4 x 4), a JSON list, or a table "
+        "of BOP or COLMAP; they replace the sampler and --count", is_content=False,
     )  # fmt: skip
     scale: float = _option(
         1.0, "size of the views relative to the frame's", name="Image Size", unit="×", least=1 / 64, most=8

@@ -170,8 +170,9 @@ def depth_scale_for(farthest_mm: float) -> float:
 
 def quantised_depth(depth_mm: np.ndarray, depth_scale: float) -> np.ndarray:
     """``(H, W)`` depth in mm -> uint16, 0 for background (and never 0 for surface)."""
-    units = np.rint(depth_mm / np.float32(depth_scale))
-    return np.where(depth_mm > 0, np.clip(units, 1, DEPTH_LEVELS), 0).astype(np.uint16)
+    units = depth_mm / np.float32(depth_scale)
+    np.clip(np.rint(units, out=units), 1, DEPTH_LEVELS, out=units)
+    return (units * (depth_mm > 0)).astype(np.uint16)
 
 
 def _codes(shot: Shot) -> np.ndarray:
@@ -180,7 +181,7 @@ def _codes(shot: Shot) -> np.ndarray:
 
 
 def _white(flags: np.ndarray) -> np.ndarray:
-    return np.where(flags, np.uint8(255), np.uint8(0))
+    return flags.view(np.uint8) * np.uint8(255)
 
 
 def _none(_stored: Stored) -> Flaws:

@@ -26,7 +26,7 @@ from ..dataset.options import NONE, SHADOWS
 from ..errors import InputError
 from ..files.content import read_beginning
 from ..files.keys import file_and_place
-from ..files.outputs import check_own_folder, write_output
+from ..files.outputs import check_outputs, check_own_folder, write_output
 from ..images.contact_sheet import contact_sheet
 from ..images.pixel_values import mask_box, to_uint8
 from ..images.png import encode_png
@@ -156,7 +156,8 @@ def _angle_deg(frames: Sequence[PosedFrame], pose: np.ndarray, pivot_model: np.n
 def _shown_surfaces(case: EvaluationCase, trace: Render, numbers: Iterable[int]) -> Iterator[ShownSurface]:
     for number in numbers:
         photograph = case.photographs[number]
-        frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=f"photograph_{number + 1}")
+        mesh_from_model, name = case.loaded.surface.mesh_from_model, f"photograph_{number + 1}"
+        frame = load_posed_frame(photograph, mesh_from_model, name=name)
         view = trace(frame.cam_from_model)
         yield ShownSurface(number, frame.image, view.mask & frame.valid, view.observed & frame.valid)
 
@@ -205,6 +206,7 @@ def evaluation_run(
     for photograph in (photograph for case in cases for photograph in case.photographs):
         read_beginning(photograph.image, "a photograph", 1)
     check_own_folder(out, "|".join(map(re.escape, (TABLE, MARKDOWN, FIGURE))), {})
+    check_outputs([out / name for name in (TABLE, MARKDOWN, FIGURE)], {})
     return EvaluationRun(out, cases, methods, seed, network)
 
 

@@ -335,8 +335,9 @@ def _partial_file(path: Path) -> Iterator[BinaryIO]:
     try:
         with stream:
             yield stream
-    finally:
+    except BaseException:
         Path(stream.name).unlink(missing_ok=True)
+        raise
 
 
 def _locked_partial(path: Path) -> BinaryIO:

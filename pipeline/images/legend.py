@@ -32,6 +32,7 @@ Write = Callable[[str, float], np.ndarray]
 
 Place = tuple[bool, bool]
 """Corner of the image: at the right, at the bottom."""
+PLACES: tuple[Place, ...] = ((False, False), (True, False), (True, True), (False, True))
 
 
 @dataclass(frozen=True)
@@ -76,56 +77,36 @@ def letter_size(shape_hw: tuple[int, int]) -> float:
     return max(LETTER_FRACTION * float(np.sqrt(shape_hw[0] * shape_hw[1])), SMALLEST_LETTER_PX)
 
 
-def legend_panel(entries: Sequence[Entry], write: Write, shape_hw: tuple[int, int]) -> np.ndarray | None:
-    """Draw the legend for an image of this size -> ``(h, w, 4)`` float32 RGBA 0..1, straight alpha.
+def legend_panel(
+    entries: Sequence[Entry], bar: ScaleBar | None, write: Write, shape_hw: tuple[int, int]
+) -> np.ndarray | None:
+    """Draw legend and scale bar for an image of this size -> ``(h, w, 4)`` float32 RGBA 0..1, straight alpha.
 
-    ``None`` if the image has no room for letters that can be read.
+    ``None`` if the image has no room for letters that can be read. The bar's end covers a part of a pixel.
     """
     size = letter_size(shape_hw)
-    panel = _legend(entries, write, size)
+    panel = _legend(entries, bar, write, size)
     # a long name must not cover the image
     room = min(WIDEST_FRACTION * shape_hw[1] / panel.shape[1], TALLEST_FRACTION * shape_hw[0] / panel.shape[0])
     if room >= 1:
         return panel
-    return _legend(entries, write, size * room) if size * room >= LEAST_LETTER_PX else None
+    return _legend(entries, bar, write, size * room) if size * room >= LEAST_LETTER_PX else None
 
 
-def bar_panel(bar: ScaleBar, write: Write, shape_hw: tuple[int, int]) -> np.ndarray | None:
-    """Draw a scale bar for an image of this size, as :func:`legend_panel`; its end covers a part of a pixel."""
-    size = letter_size(shape_hw)
-    text = write(bar.label, size)
-    if text.shape[1] > WIDEST_FRACTION * shape_hw[1]:
-        size *= WIDEST_FRACTION * shape_hw[1] / text.shape[1]
-        text = write(bar.label, size)
-    if size < LEAST_LETTER_PX:
-        return None
-    pad, thick = max(round(0.5 * size), 3), max(round(0.22 * size), 2)
-    width = max(text.shape[1], int(np.ceil(bar.length_px)) + 1) + 2 * pad
-    panel = _panel(text.shape[0] + 2 * pad + 2 * thick, width)
-    _ink(panel, text, pad, pad // 2, INK)
-    edges = np.arange(width + 1) - pad
-    along = np.clip(np.minimum(edges[1:], bar.length_px) - np.maximum(edges[:-1], 0), 0, 1)
-    top = pad // 2 + text.shape[0] + thick
-    _ink(panel, np.repeat(along[None], thick, axis=0), 0, top, INK)
-    return panel
-
-
-def freest_corner(busy: np.ndarray, panel_hw: tuple[int, int], places: Sequence[Place]) -> Place:
-    """The first of several corners under which a panel hides least of ``(H, W)`` bool ``busy``."""
-    return min(places, key=lambda place: int(busy[_part(busy.shape[:2], panel_hw, place)].sum()))
+def freest_corner(busy: np.ndarray, panel_hw: tuple[int, ...]) -> Place:
+    """The first of the corners under which a panel hides least of ``(H, W)`` bool ``busy``."""
+    return min(PLACES, key=lambda place: int(busy[_part(busy.shape[:2], panel_hw, place)].sum()))
 
 
 def put(image: np.ndarray, panel: np.ndarray, place: Place) -> None:
-    """Blend a panel into a corner of an ``(H, W, 3)`` image, of uint8 codes or float values 0..1."""
-    rows, columns = _part((image.shape[0], image.shape[1]), panel.shape[:2], place)
+    """Blend a panel into a corner of an ``(H, W, 3)`` uint8 image."""
+    rows, columns = _part(image.shape[:2], panel.shape[:2], place)
     under = image[rows, columns]
-    white = 255 if image.dtype == np.uint8 else 1
     panel = panel[: under.shape[0], : under.shape[1]]
-    blended = under + panel[..., 3:] * (panel[..., :3] * white - under)
-    image[rows, columns] = np.rint(blended) if white == 255 else blended
+    under[:] = np.rint(under + panel[..., 3:] * (panel[..., :3] * 255 - under))
 
 
-def put_border(image: np.ndarray, codes: tuple[int, int, int], words: str = "", write: Write | None = None) -> None:
+def put_border(image: np.ndarray, codes: tuple[int, int, int], words: str, write: Write | None) -> None:
     """Draw a border of a colour around an ``(H, W, 3)`` uint8 image, and words, if any, on a band along its top."""
     width = max(round(BORDER_FRACTION * max(image.shape)), 2)
     for part in (np.s_[:width], np.s_[-width:], np.s_[:, :width], np.s_[:, -width:]):
@@ -151,16 +132,19 @@ def _part(shape_hw: tuple[int, ...], panel_hw: tuple[int, ...], place: Place) ->
     return parts[0], parts[1]
 
 
-def _legend(entries: Sequence[Entry], write: Write, size: float) -> np.ndarray:
+def _legend(entries: Sequence[Entry], bar: ScaleBar | None, write: Write, size: float) -> np.ndarray:
     names = [write(entry.name, size) for entry in entries]
     notes = [write(entry.note, size) for entry in entries]
     zero, deepest = write("depth below the surface: 0", size), write(f"{DEEPEST_MM:g} mm and more", size)
+    length = write(bar.label, size) if bar else zero[:, :0]
     line, gap, swatch = round(LINE_SPACING * zero.shape[0]), max(round(0.6 * size), 3), max(round(2.4 * size), 10)
+    ramp, thick = max(round(5 * size), 20), max(round(0.22 * size), 2)
     first = max((name.shape[1] for name in names), default=0)
-    second = max(note.shape[1] for note in [*notes, write(WIDEST_NOTE, size)])
-    ramp = max(round(5 * size), 20)
-    width = max(swatch + first + second + 2 * gap, zero.shape[1] + ramp + deepest.shape[1] + 2 * gap) + 2 * gap
-    panel = _panel((len(entries) + 1) * line + 2 * gap, width)
+    widths = [length.shape[1], int(np.ceil(bar.length_px)) + 1 if bar else 0]
+    if entries:
+        second = max(note.shape[1] for note in [*notes, write(WIDEST_NOTE, size)])
+        widths += [swatch + first + second + 2 * gap, zero.shape[1] + ramp + deepest.shape[1] + 2 * gap]
+    panel = _panel((len(entries) + bool(entries) + 1) * line + 2 * thick + 2 * gap, max(widths) + 2 * gap)
     top = gap
     for entry, name, note in zip(entries, names, notes, strict=True):
         _swatch(panel[top : top + line, gap : gap + swatch], entry, size)
@@ -168,13 +152,19 @@ def _legend(entries: Sequence[Entry], write: Write, size: float) -> np.ndarray:
         _ink(panel, name, 2 * gap + swatch, text_top, INK)
         _ink(panel, note, 3 * gap + swatch + first, text_top, INK)
         top += line
-    text_top = top + (line - zero.shape[0]) // 2
-    _ink(panel, zero, gap, text_top, INK)
-    opacity = hidden_opacity(np.linspace(0, DEEPEST_MM, ramp))
-    height = max(round(0.6 * line), 3)
-    middle = top + (line - height) // 2
-    _ink(panel, np.repeat(opacity[None], height, axis=0) / opacity.max(), 2 * gap + zero.shape[1], middle, INK)
-    _ink(panel, deepest, 3 * gap + zero.shape[1] + ramp, text_top, INK)
+    if entries:
+        text_top = top + (line - zero.shape[0]) // 2
+        _ink(panel, zero, gap, text_top, INK)
+        opacity = hidden_opacity(np.linspace(0, DEEPEST_MM, ramp))
+        height = max(round(0.6 * line), 3)
+        middle = top + (line - height) // 2
+        _ink(panel, np.repeat(opacity[None], height, axis=0) / opacity.max(), 2 * gap + zero.shape[1], middle, INK)
+        _ink(panel, deepest, 3 * gap + zero.shape[1] + ramp, text_top, INK)
+        top += line
+    _ink(panel, length, gap, top + (line - length.shape[0]) // 2, INK)
+    if bar:
+        along = np.clip(bar.length_px - np.arange(widths[1]), 0, 1)
+        _ink(panel, np.repeat(along[None], thick, axis=0), gap, top + line + thick, INK)
     return panel
 
 

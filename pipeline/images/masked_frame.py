@@ -35,8 +35,6 @@ def shown_by_mask(colours: np.ndarray, valid: np.ndarray, where: str) -> np.ndar
                 f"{where}: expected a mask of 0 (shows no surface) and one other value, grey or in alpha, found "
                 "colours or shades; set all that is to be hidden to 0 and the rest to 255, without smooth edges"
             )
-    if not valid.any():
-        raise InputError(f"{where}: expected a mask that leaves some of the frame, it is 0 everywhere; invert it")
     return valid
 
 

@@ -5,12 +5,10 @@ and its outline is dashed. Lines have a dark rim, so that they show on bright an
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from .layer_stack import Colour, Layer, LayerStack, SurfaceLayer
-from .pixel_values import mask_box
 from .strokes import coverage, dashed, line_distance
 
 VISIBLE_OPACITY = 0.8
@@ -67,7 +65,7 @@ def draw_overlay(
     Parameters
     ----------
     image
-        ``(H, W, 3)``: uint8 codes, or float values 0..1.
+        ``(H, W, 3)`` uint8.
     surface, layers
         What to draw; nearer structures cover farther ones.
     stack
@@ -77,9 +75,9 @@ def draw_overlay(
 
     Returns
     -------
-    A copy, ``(H, W, 3)`` uint8 or float32.
+    A copy, ``(H, W, 3)`` uint8.
     """
-    result = np.array(image, dtype=np.uint8 if image.dtype == np.uint8 else np.float32, order="C")
+    result = np.array(image, order="C")
     canvas = _Canvas(result, clear)
     scale = line_scale((result.shape[0], result.shape[1]))
     rim = max(RIM_PX * scale, 0.8)
@@ -102,7 +100,7 @@ def draw_overlay(
 
 
 class _Canvas:
-    """An image that is drawn on, pixel by pixel where something is stack."""
+    """An image that is drawn on, pixel by pixel where something is drawn."""
 
     def __init__(self, image: np.ndarray, clear: np.ndarray | None) -> None:
         self._image, self._shape = image, (image.shape[0], image.shape[1])
@@ -131,10 +129,9 @@ class _Canvas:
     def _blend(self, at: np.ndarray, colour: np.ndarray, opacity: np.ndarray) -> None:
         if self._clear is not None:
             opacity = opacity * self._clear[at]
-        white = np.float32(255 if self._pixels.dtype == np.uint8 else 1)
         under = self._pixels[at].astype(np.float32)
-        under += opacity[:, None].astype(np.float32) * (colour * white - under)
-        self._pixels[at] = under if white == 1 else np.rint(under)
+        under += opacity[:, None].astype(np.float32) * (255 * colour - under)
+        self._pixels[at] = np.rint(under)
 
 
 def outline_segments(
@@ -147,17 +144,16 @@ def outline_segments(
     """
     corner = np.array(stack.corner)
     found: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
-    for each in outlines(stack.number == number, sigma_px=sigma_px):
-        curve = Outline(each.points + corner, each.inner + corner, each.outer + corner)
-        depth, below = stack.at(curve.inner)
-        beyond, _ = stack.at(curve.outer)
-        lengths = curve.lengths
+    for points, inner, outer in outlines(stack.number == number, sigma_px=sigma_px):
+        depth, below = stack.at(inner + corner)
+        beyond, _ = stack.at(outer + corner)
+        end = np.roll(points, -1, axis=0)
+        lengths = np.hypot(*(end - points).T)
         position = np.cumsum(lengths) - lengths
-        end = np.roll(curve.points, -1, axis=0)
-        own = ((curve.outer >= 0) & (curve.outer < stack.shape_hw[::-1])).all(axis=1) & ~(beyond < depth)
-        hidden = below > 0
+        inside = ((outer + corner >= 0) & (outer + corner < stack.shape_hw[::-1])).all(axis=1)
+        own, hidden = inside & ~(beyond < depth), below > 0
         on = dashed(position + lengths / 2, float(lengths.sum()), on_px=on_px, off_px=off_px)
-        segments = np.stack([curve.points, end], axis=1)
+        segments = np.stack([points, end], axis=1) + corner
         found[0].append(segments[own & ~hidden])
         found[1].append(segments[own & hidden & on])
     empty = np.zeros((0, 2, 2))
@@ -169,32 +165,7 @@ def _nearest(depth_mm: np.ndarray) -> float:
     return float(seen.min()) if seen.size else np.inf
 
 
-@dataclass(frozen=True)
-class Outline:
-    """A closed curve with the mask on its right, one point for each side of a pixel that it passes.
-
-    It starts at the highest pixel of the mask on it that has none above, the leftmost of several, so that what is
-    counted from there moves with the mask.
-
-    Attributes
-    ----------
-    points
-        ``(N, 2)`` px.
-    inner, outer
-        ``(N, 2)`` int64 (x, y) of the pixels on either side; ``outer`` may lie just outside the image.
-    """
-
-    points: np.ndarray
-    inner: np.ndarray
-    outer: np.ndarray
-
-    @property
-    def lengths(self) -> np.ndarray:
-        """``(N,)`` px from each point to the next; the last one closes the curve."""
-        return np.hypot(*(np.roll(self.points, -1, axis=0) - self.points).T)
-
-
-def outlines(mask: np.ndarray, *, sigma_px: float) -> list[Outline]:
+def outlines(mask: np.ndarray, *, sigma_px: float) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """All outlines of an ``(H, W)`` bool mask, of its parts and of their holes.
 
     Parameters
@@ -204,33 +175,27 @@ def outlines(mask: np.ndarray, *, sigma_px: float) -> list[Outline]:
     sigma_px
         Standard deviation of the smoothing along the curve. It is corrected once for what it takes away from bends
         (Taubin, "A signal processing approach to fair surface design", SIGGRAPH 1995).
+
+    Returns
+    -------
+    For each a closed curve with the mask on its right, one point for each side of a pixel that it passes, from the
+    highest such pixel on, so that dashes move with the mask: ``(N, 2)`` px; and ``(N, 2)`` int64 (x, y) of the pixels
+    inside and outside, which may lie just outside the image.
     """
-    if not mask.any():
-        return []
-    rows, columns = mask_box(mask)
-    corner = np.array([columns.start, rows.start])
-    inner, side = _sides(mask[rows, columns])
+    inner, side = _sides(mask)
     following = _following(inner, side).tolist()
-    curves: list[list[int]] = []
-    seen = bytearray(len(side))
+    curves, seen = [], bytearray(len(side))
     # every curve passes tops of pixels, which come first, row by row
     for first in range(int((side == 0).sum())):
-        if seen[first]:
-            continue
         curve, at = [], first
         while not seen[at]:
             seen[at] = 1
             curve.append(at)
             at = following[at]
-        curves.append(curve)
-    return [
-        Outline(
-            _smoothed(inner[curve] + corner + 0.5 * _BEYOND[side[curve]], sigma_px),
-            inner[curve] + corner,
-            inner[curve] + corner + _BEYOND[side[curve]],
-        )
-        for curve in curves
-    ]
+        if curve:
+            pixels, beyond = inner[curve], _BEYOND[side[curve]]
+            curves.append((_smoothed(pixels + 0.5 * beyond, sigma_px), pixels, pixels + beyond))
+    return curves
 
 
 def _sides(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -248,7 +213,7 @@ def _following(inner: np.ndarray, side: np.ndarray) -> np.ndarray:
     """``(S,)`` the side that follows each on its curve: it turns right where it can, so that corners do not connect."""
     start = inner + _START[side]
     end = start + _STEP[side]
-    width, height = start.max(axis=0) + 1
+    width, height = start.max(axis=0, initial=0) + 1
     at = np.full((4, int(width * height)), -1)
     at[side, start[:, 1] * width + start[:, 0]] = np.arange(len(side))
     place = end[:, 1] * width + end[:, 0]

@@ -19,7 +19,6 @@ from ..case.loaded_case import LoadedCase
 from ..dataset.identity import geometry_hash
 from ..errors import InputError
 from ..files.content import read_content
-from ..files.numbers import is_number
 from ..images.pixel_values import to_uint8
 from ..transforms import rigid, rotation_from_vector
 
@@ -40,8 +39,6 @@ LARGEST_ZOOM = 1.5
 """Of a case's K beside that of the views."""
 DARKEST, BRIGHTEST = 0.02, 0.98
 """Quantiles of code values between which an image is stretched as the case's frame."""
-LARGEST_PX, LARGEST_LENGTH = 4096, 1e6
-"""Of the views that a network was trained on: their sides; and of a focal length, px, or a coordinate, mm."""
 FARTHEST = 20.0
 """Largest coordinate of a cell, in half longest sides of the surface, and logarithm of its error."""
 KEY, UNSEALED = "oneframe", b"#" * 64
@@ -86,23 +83,15 @@ class NetworkRecord:
         _, marked, after = data.rpartition(b"\x0a" + bytes([len(KEY)]) + KEY.encode() + b"\x12")
         try:
             values = json.JSONDecoder().raw_decode(after[after.index(b"{") :].decode("latin-1"))[0] if marked else {}
-            # OpenCV crashes on some that are damaged
+            # OpenCV crashes on some that are damaged, and nobody but train writes the record
             is_whole = sealed(data.replace(str(values.pop("sha256")).zfill(64).encode(), UNSEALED)) == data
             record = cls(**(values | {"centre_model": tuple(values["centre_model"])}))
-            lengths, centre = (record.fx, record.reach_mm), record.centre_model
-            is_whole &= (
-                all(isinstance(text, str) for text in (record.surface, record.dataset))
-                and all(type(side) is int and MULTIPLE <= side <= LARGEST_PX for side in (record.width, record.height))
-                and all(is_number(each) and 1 / LARGEST_LENGTH <= each <= LARGEST_LENGTH for each in lengths)
-                and len(centre) == 3
-                and all(is_number(each) and abs(each) <= LARGEST_LENGTH for each in centre)
-            )
         except (KeyError, TypeError, ValueError, RecursionError):
             is_whole = False
         if not is_whole:
             raise InputError(
-                f"{name}: expected a whole network that oneframe train wrote, found no record of its training that "
-                "could be; name its file, or copy it again"
+                f"{name}: expected a whole network that oneframe train wrote, found another file, or a damaged one; "
+                "name its file, or copy it again"
             )
         return record
 

@@ -10,22 +10,9 @@ from ..camera.pinhole import PinholeCamera, whereabouts
 from ..case.loaded_case import LoadedCase, overlay_scene
 from ..errors import InputError
 from ..images.layer_stack import LayerStack, Seen
-from ..images.legend import (
-    Entry,
-    Place,
-    ScaleBar,
-    Write,
-    bar_panel,
-    freest_corner,
-    legend_panel,
-    put,
-    scale_bar,
-)
+from ..images.legend import Entry, Place, ScaleBar, Write, freest_corner, legend_panel, put, scale_bar
 from ..images.overlay import draw_overlay
 from ..images.pixel_values import to_uint8
-
-LEGEND_PLACES: tuple[Place, ...] = ((False, False), (True, False), (True, True), (False, True))
-BAR_PLACES: tuple[Place, ...] = ((False, True), (True, True), (True, False), (False, False))
 
 SOME = 0.01
 """Fraction of a structure that is worth mentioning."""
@@ -91,12 +78,12 @@ class OverlayPicture:
 
 
 class OverlayPainter:
-    """Paints the overlay of a case over images of one camera; legend and scale bar keep their corners."""
+    """Paints the overlay of a case over images of one camera; legend and scale bar keep their corner."""
 
     def __init__(self, loaded: LoadedCase, camera: PinholeCamera, write: Write | None) -> None:
         """Prepare a case for images of a camera; ``write`` draws the letters of legend and scale bar, if it has any."""
         self._loaded, self._camera, self._scene, self._write = loaded, camera, overlay_scene(loaded), write
-        self._places: tuple[Place, Place] | None = None
+        self._place: Place | None = None
         if write is not None:
             # learns the letters: a film is painted while Blender, which draws them, encodes
             write(string.printable + "".join(structure.name for structure, _ in loaded.surface.structures), 1.0)
@@ -157,28 +144,16 @@ class OverlayPainter:
             Entry(structure.colour, _spelt(view.name), view.note, is_dashed=view.visible_fraction < 0.5)
             for view, (structure, _) in zip(views, self._loaded.surface.structures, strict=True)
         ]
-        legend = legend_panel(entries, write, shape) if entries else None
-        bar_drawn = bar_panel(bar, write, shape) if bar else None
-        if self._places is None:
-            if bar is None:
-                # nothing is in view yet
-                return
-            self._places = _free_places(stack, legend, bar_drawn)
-        for panel, place in zip((legend, bar_drawn), self._places, strict=True):
-            if panel is not None:
-                put(image, panel, place)
-
-
-def _free_places(stack: LayerStack, legend: np.ndarray | None, bar: np.ndarray | None) -> tuple[Place, Place]:
-    """Corners for legend and scale bar where they cover least of the structures."""
-    busy = np.zeros(stack.shape_hw, bool)
-    x, y = stack.corner
-    busy[y : y + stack.number.shape[0], x : x + stack.number.shape[1]] = stack.number >= 0
-    legend_size, bar_size = ((0, 0) if panel is None else (panel.shape[0], panel.shape[1]) for panel in (legend, bar))
-    place = freest_corner(busy, legend_size, LEGEND_PLACES)
-    # not above or below each other: in a small image they would overlap
-    others = [each for each in BAR_PLACES if each != place and (legend is None or each[1] != place[1])]
-    return place, freest_corner(busy, bar_size, others)
+        panel = legend_panel(entries, bar, write, shape)
+        # before anything is in view, no corner is better than another
+        if panel is None or (self._place is None and bar is None):
+            return
+        if self._place is None:
+            busy = np.zeros(shape, bool)
+            x, y = stack.corner
+            busy[y : y + stack.number.shape[0], x : x + stack.number.shape[1]] = stack.number >= 0
+            self._place = freest_corner(busy, panel.shape[:2])
+        put(image, panel, self._place)
 
 
 def _spelt(name: str) -> str:

@@ -71,9 +71,9 @@ def colmap_entries(lines: Sequence[str], path: Path, place: str) -> list[dict[st
         raise InputError(f"{path.name}: expected two lines for each image, as COLMAP writes them; export it again")
     entries = []
     for line in lines[::2]:
-        words = line.split(maxsplit=9)
+        words = line.strip().split(maxsplit=9)
         numbers = number_rows(" ".join(words[1:8]))
-        if len(words) != 10 or numbers is None or not np.linalg.norm(numbers[:4]) > 0:
+        if len(words) != 10 or numbers is None or len(numbers) != 7 or not np.linalg.norm(numbers[:4]) > 0:
             raise InputError(
                 f"{path.name}: expected ten words in each image's line, as COLMAP writes them; export it again"
             )

@@ -47,17 +47,13 @@ class ArgumentParser(argparse.ArgumentParser):
                 raise InputError(f"command line: unknown argument {name!r}; {nearest_name(name, known)}")
 
 
-MOST = 2**63
-"""Above all numbers of a command line: seeds and counts are 64 bits wide."""
-
-
 def at_least(least: float, kind: Callable[[str], float] = int) -> Callable[[str], float]:
     """The ``type`` of an argument that is a finite number of a kind, and not below another."""
 
     def number(text: str) -> float:
         value = kind(text)
-        if not max(least, -MOST) <= value < MOST:
-            expected = f"{least:g} or more" if value < least else f"a finite number below {MOST:.0e}"
+        if not max(least, -(2**63)) <= value < 2**63:
+            expected = f"{least:g} or more" if value < least else "a finite number below 2^63"
             raise argparse.ArgumentTypeError(f"expected {expected}, found {text}")
         return value
 

@@ -36,8 +36,13 @@ class DepthRaster(NamedTuple):
 
 def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> DepthRaster:
     """The nearest face, of both sides of all, at each pixel centre of a pose (4x4, mm)."""
+    return nearest_at_centres(projected(mesh, camera, cam_from_model), mesh, camera)
+
+
+def nearest_at_centres(points: np.ndarray, mesh: TriangleMesh, camera: PinholeCamera) -> DepthRaster:
+    """The same for :func:`projected` vertices."""
     raster = DepthRaster(np.zeros(camera.shape_hw), np.full(camera.shape_hw, -1, np.int32))
-    nearest_face.nearest_at_centres(projected(mesh, camera, cam_from_model), mesh.faces, *raster)
+    nearest_face.nearest_at_centres(points, mesh.faces, *raster)
     return raster
 
 
@@ -115,7 +120,7 @@ def _looking_along(axis: np.ndarray) -> np.ndarray:
 
 def inverse_depth_map(depth_mm: np.ndarray, valid: np.ndarray | None = None) -> np.ndarray:
     """``(H, W)`` depth in mm, 0 for background -> inverse depth in 1/mm, 0 also where ``valid`` is False."""
-    seen = depth_mm > 0
-    if valid is not None:
-        seen &= valid
-    return np.divide(1.0, depth_mm, out=np.zeros(depth_mm.shape, np.float32), where=seen, casting="same_kind")
+    with np.errstate(divide="ignore"):
+        inverse = (1 / depth_mm).astype(np.float32)
+    inverse[inverse == np.inf] = 0
+    return inverse if valid is None else inverse * valid

@@ -23,14 +23,15 @@ LEAST_ADDED = 0.002
 """Share of what all clear frames show that a frame must be the first to see."""
 BLOCK_PX, LEAST_PIXELS = 16, 8
 """Side of the blocks that show the surface or not, and pixels that a block needs to tell."""
-DETAIL_PX, AROUND_PX, COARSE_PX = 1.5, 4.0, 3.0
-"""Standard deviations: finer than the first is detail, its strength is a mean over the second, and colours are compared
-without what is finer than the third."""
-LEAST_SHARPNESS = 0.75
+NOISE_PX, DETAIL_PX, AROUND_PX, COARSE_PX = 0.7, 2.0, 4.0, 3.0
+"""Standard deviations: between the first two is detail, its strength is a mean over the third, and colours are compared
+without what is finer than the fourth."""
+LEAST_SHARPNESS = 0.8
 """Median strength of a frame's detail, relative to that of the case's frame at the same points: less is blurred."""
-OTHER_COLOUR, SOME_COLOUR, ALIKE, FLAT = 0.25, 0.08, 0.5, 0.015
-"""A block shows something else if its code values (0..1) differ by the first; by the second if the shading in it does
-not correlate by the third either, unless its standard deviation is below the last in both frames."""
+OTHER_COLOUR, SOME_COLOUR, ALIKE, FLAT = 0.06, 0.035, 0.5, 0.015
+"""A block shows something else if its mean code values (0..1) differ by the first after one gain of all channels, as a
+shadow is; by the second if the shading in it does not correlate by the third either, unless its standard deviation is
+below the last in both frames."""
 MOST_OTHER, LEAST_BLOCKS = 0.0075, 3
 """Share of the blocks, and number, that cover a frame if they lie side by side: light changes here and there."""
 BLURRED, COVERED = "blurred", "covered"
@@ -107,7 +108,9 @@ def _flaw(own: SeenFrame, view: SeenFrame) -> str:
     before, after = (mean(each[:, 0])[known] for each in details)
     if np.median(after / np.maximum(before, 1e-9)) < LEAST_SHARPNESS:
         return BLURRED
-    difference = mean(np.abs(colours[1] - colours[0]).max(axis=1))
+    own_mean, its_mean = (np.stack([mean(channel) for channel in each.T], axis=1) for each in colours)
+    gain = (own_mean * its_mean).sum(axis=1) / np.maximum((own_mean**2).sum(axis=1), 1e-9)
+    difference = np.abs(its_mean - gain[:, None] * own_mean).max(axis=1)
     one, other = (grey - mean(grey)[block] for grey in (each.mean(axis=1) for each in colours))
     variances = mean(one * one), mean(other * other)
     unlike = mean(one * other) < ALIKE * np.sqrt(variances[0] * variances[1])
@@ -123,7 +126,7 @@ def _coarse(image: np.ndarray) -> np.ndarray:
 
 
 def _detail(image: np.ndarray) -> np.ndarray:
-    """``(H, W, 1)`` strength of the finest detail around each pixel."""
+    """``(H, W, 1)`` strength of the finest detail around each pixel that is no noise."""
     grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-    fine = grey - cv2.GaussianBlur(grey, (0, 0), DETAIL_PX)
+    fine = cv2.GaussianBlur(grey, (0, 0), NOISE_PX) - cv2.GaussianBlur(grey, (0, 0), DETAIL_PX)
     return np.sqrt(cv2.GaussianBlur(fine * fine, (0, 0), AROUND_PX))[..., None]

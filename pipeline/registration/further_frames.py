@@ -15,13 +15,14 @@ from ..camera.intrinsics_file import CameraFile, read_camera
 from ..camera.pinhole import PinholeCamera
 from ..case.case_file import Case
 from ..case.frame import PosedFrame
-from ..errors import InputError
+from ..errors import InputError, printable
 from ..files.content import read_content
-from ..files.keys import described, file_and_place
+from ..files.keys import check_keys, described, file_and_place
 from ..images.image_check import check_image
 from ..images.image_reader import read_image
 from ..images.pixel_values import to_uint8
 from ..poses.pose_file import listed_poses
+from ..poses.pose_tables import NO_SCALE, POSE_KEY
 from ..video.film_reader import Film
 from ..video.frame_mask import Resampler
 
@@ -31,10 +32,13 @@ IMAGES = (".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".tif", ".tiff", ".bmp", ".w
 """Endings of images in a folder; what is no PNG or JPEG among them is refused with its name, not passed over."""
 
 
-LISTS = (".json", ".txt")
-"""Endings of lists of photographs, as :func:`.listed_poses` reads them."""
-CAMERA = "camera"
-"""Key of an entry of a list: the file of its camera, and after # which of that file."""
+LISTS, CAMERA = (".json", ".txt"), "camera"
+"""Endings of lists of photographs, and the key of an entry for the file of its camera, with # which of that file."""
+ENTRY = (
+    POSE_KEY, CAMERA, NO_SCALE, "frame", "state", "probability", "reason", "changed", "covariance_mm_rad",
+    "pivot_mesh_mm", "radius_mm",
+)  # fmt: skip
+"""All keys of an entry beside its image, also of a list that :mod:`.pose_list` writes."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +60,12 @@ class ListedImage:
     @classmethod
     def of_entry(cls, entry: Any, where: str, folder: Path) -> "ListedImage":
         """The image of a list's entry; ``where`` begins messages, ``folder`` is the list's."""
-        image = entry.get("image") if isinstance(entry, dict) else None
-        if not isinstance(image, str) or not image:
-            raise InputError(f'{where}: expected {{"image": file, ...}}, found image = {described(image)}')
-        if not isinstance(named := entry.get(CAMERA), str):
-            return cls(folder / image)
-        return cls(folder / image, folder / named, read_camera(folder / named))
+        check_keys(entry if isinstance(entry, dict) else {}, ("image",), ENTRY, f"{where}: ")
+        image, named = entry["image"], entry.get(CAMERA, "")
+        if not (isinstance(image, str) and image and isinstance(named, str)):
+            found = f"found image = {described(image)}, {CAMERA} = {described(named)}"
+            raise InputError(f"{where}: expected the name of an image, and of a {CAMERA}'s file if any, {found}")
+        return cls(folder / image, folder / named, read_camera(folder / named)) if named else cls(folder / image)
 
     @property
     def size_wh(self) -> tuple[int, int]:
@@ -147,7 +151,9 @@ class FrameReader:
             image, valid = read_image(listed.path, name)
             camera, lens = listed.lens(self._case, (image.shape[1], image.shape[0]))
         except InputError as error:
-            return self._unusable(name, number, str(error).removeprefix(f"{name}: "))
+            # the page goes to others: no folders of this machine
+            reason = str(error).replace(printable(str(listed.path)), "it").removeprefix(f"{printable(name)}: ")
+            return self._unusable(name, number, reason)
         # as fine as it will be
         camera = camera.within(max(round(max(camera.size_wh) * self.camera.fx / camera.fx), 1))
         small, shown = _reduced(image, valid, camera.size_wh)

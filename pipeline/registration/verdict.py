@@ -221,10 +221,13 @@ class FilmChange:
     share
         Share of the blocks of the aligned frame's image that have changed at the end, of those that the film shows,
         0..1.
+    blocks
+        ``(h, w)`` bool: which have, rows and columns of the aligned frame's blocks.
     """
 
     since: int
     share: float
+    blocks: np.ndarray
 
     def words(self) -> str:
         """What to think of it."""
@@ -274,4 +277,4 @@ class FilmAgreement:
         if not changed.any():
             return None
         first = np.where(changed.ravel(), np.argmax(differs, axis=0), len(maps)).min()
-        return FilmChange(numbers[first], float(changed.sum() / (maps > UNKNOWN).any(axis=0).sum()))
+        return FilmChange(numbers[first], float(changed.sum() / (maps > UNKNOWN).any(axis=0).sum()), changed)

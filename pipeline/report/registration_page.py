@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from ..files.numbers import format_two_digits
+from ..images.pixel_values import to_uint8
 from ..registration.register_case import FrameEvidence, RegistrationEvidence
-from ..registration.verdict import COLOURS, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
-from .page import Column, Item, html_page, lines_of
+from ..registration.verdict import BLOCK_PX, COLOURS, WITHIN_DEG, WITHIN_PX, WITHIN_SHARE
+from .page import Column, Item, html_page, lines_of, picture_of, webp
 
 COLUMNS = (
     Column("state_word", "State", "whether the pose is accepted"),
@@ -16,6 +17,8 @@ COLUMNS = (
     Column("rotation_deg", "Rotation", "standard deviation about the least certain axis", 2, "°"),
     Column("position_mm", "Position", "standard deviation along the least certain axis", 2, " mm"),
 )
+CHANGED = 0.85, 0.1, 0.1
+"""The colour over what has changed, sRGB."""
 
 
 def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
@@ -31,6 +34,10 @@ def registration_page(evidence: RegistrationEvidence, *, name: str) -> bytes:
         f"right means within {WITHIN_DEG:g}°, {100 * WITHIN_SHARE:g} % of the distance and {WITHIN_PX:g} px",
     ]
     sections = [("Where it may be wrong", lines_of(_limits(evidence)))]
+    if evidence.change is not None:
+        changed = evidence.change.blocks.repeat(BLOCK_PX, axis=0).repeat(BLOCK_PX, axis=1)[:height, :width, None]
+        picture = to_uint8(np.where(changed, (evidence.image + CHANGED) / 2, evidence.image))[..., ::-1]
+        sections.append(("What no longer looks as it did", picture_of(webp(picture, width, 80), "The case's frame")))
     if evidence.colouring_lines:
         lines = [*evidence.colouring_lines, "A frame colours what the case's own and those before it did not see."]
         sections.append(("Frames that colour the surface", lines_of(lines)))

@@ -46,7 +46,7 @@ def safe_name(name: str) -> str:
     if SAFE_NAME.fullmatch(name):
         return name
     # the digest keeps "bone 1" and "bone_1" apart
-    digest = hashlib.sha256(name.encode()).hexdigest()[:8]
+    digest = hashlib.sha256(name.encode(errors="surrogatepass")).hexdigest()[:8]
     letters = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
     return "_".join([*re.findall("[A-Za-z0-9]+", letters[:100]), digest])
 

@@ -275,6 +275,7 @@ def test_a_film_says_where_the_surface_changes(registrar, mesh):
     found = change(same[:8] + other)
     assert found.since == 80
     assert 0.05 < found.share < 0.3
+    assert found.blocks.sum() == found.blocks[2:8, 2:9].sum()
     assert f"from frame {found.since}" in found.words()
     assert change(same[:4] + other + same[4:8]) is None
     assert change(same) is None
@@ -341,13 +342,14 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     unusable["x wide"] = encode_png(np.zeros((240, 640, 3), np.uint8))
     for name, content in unusable.items():
         (folder / f"{name}.png").write_bytes(content)
+    (folder / "y gone.png").symlink_to("gone.png")
     # a Mac's, passed over
     (folder / "._0.png").write_bytes(b"\0\5\x16\7")
     write_case(tmp_path, mesh, SOURCE)
     text = (tmp_path / "case.toml").read_text()
     (tmp_path / "case.toml").write_text(text.replace("[pose]", "distortion = [0.02, 0.0, 0.0, 0.0]\n[pose]"))
     for name, options, reasons in (
-        (folder.name, (), ("an empty file", "cut off", "expected the proportions")),
+        (folder.name, (), ("an empty file", "cut off", "expected the proportions", "it does not exist")),
         ("film.h264", ("--colour-frames", "1"), ("it has 160x120 px, the film's first frame 320x240",)),
     ):
         out = tmp_path / f"registered_{name}"
@@ -366,7 +368,7 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
     assert [each.distortion for each in listed] == [case.distortion] * 3
     assert [each.image.resolve().name for each in listed] == ["0.png", "1.png", "2.png"]
     assert all(each.image.exists() for each in listed)
-    assert "3 of 6 entries have no pose" in messages[-1]
+    assert "4 of 7 entries have no pose" in messages[-1]
     (source,) = read_case(out / "case.toml").frames
     assert source.image.exists()
     assert min(np.abs(source.cam_from_mesh - pose).max() for pose in poses) < 1.0

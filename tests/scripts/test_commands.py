@@ -81,7 +81,7 @@ def test_help_needs_neither_blender_nor_numpy(run_command):
         (["render", "case.toml", "--ot", "dataset"], "unknown argument '--ot'; did you mean '--out'?"),
         (["render", "case.toml"], "the following arguments are required: --out"),
         (["pack", "--out", "x"], "expected the folder of the dataset, DIR, or --verify without it"),
-        (["train", "dataset", "--seed", "9" * 400], "expected a finite number below 9e+18"),
+        (["train", "dataset", "--seed", "9" * 400], "expected a finite number below 2^63"),
         (["evaluate", "case.toml", "--out", "x"], "the following arguments are required: PHOTOGRAPHS.json"),
     ],
     ids=str,

@@ -265,7 +265,7 @@ WRONG = {
         "m.png: expected a mask of 96x72 px, .*, found 97x72",
     ),
     "mask all zero": (
-        lambda given: {"mask": save(given / "m.png", np.zeros((HEIGHT, WIDTH), np.uint8))}, "0 everywhere"
+        lambda given: {"mask": save(given / "m.png", np.zeros((HEIGHT, WIDTH), np.uint8))}, "together they hide all"
     ),
     "frame is a video": (lambda given: {"frame": given / "f.mp4"}, "--frame-number"),
     "frame that EXIF turns": (lambda given: {"frame": turned(given / "f.jpg")}, "EXIF orientation"),

@@ -122,9 +122,9 @@ def open_job(job: Job) -> OpenJob:
     messages: list[str] = []
     with hashed_reading() as hashes:
         loaded = load_case(case)
-        if POSES in files:
+        if job.options.poses is not None:
             given_poses, messages = read_poses(
-                files[POSES], mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=case.mm_per_unit
+                job.options.poses, mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
             check_listed(loaded, given_poses, files[POSES].name)
             beside = job.options.camera_from_planned

@@ -222,7 +222,7 @@ def _write_tables(job: OpenJob, renderer: ViewRenderer, report: Callable[[str], 
     tally = write_view_tables(out, description, bounds=mesh.bounds, depth_scale=depth_scale)
     occluded = job.job.options.occluders > 0
     write_dataset_info(out, job.object_name, job.count, camera, mesh, depth_scale, occluded=occluded)
-    write_bytes_atomically(out / "overlay.png", encode_png(to_uint8(renderer.frame_overlay())))
+    write_bytes_atomically(out / "overlay.png", encode_png(renderer.frame_overlay()))
     images = [read_image(ViewPaths(out, index).file("rgb"))[0] for index in evenly_spaced(job.count, SHEET_VIEWS)]
     sheet = contact_sheet(images, columns=min(SHEET_COLUMNS, len(images)), tile_width=SHEET_TILE_PX)
     write_bytes_atomically(out / CONTACT_SHEET, encode_png(to_uint8(sheet)))

@@ -55,6 +55,7 @@ class _Painter:
         faces, met = seen.front & self._faces, seen.met
         if self.source is None:
             chosen = (met.face >= 0) & faces[met.face] & (painted.source == 0)
+            painted.rgb[chosen] = NEUTRAL
         elif self._vertex_rgb is not None:
             chosen = shown_by(met, faces, self._lookup(self.source, seen, False, None)) & (painted.source == 0)
         else:

@@ -44,8 +44,8 @@ def pose_entry(
         return entry
     pose = registered.cam_from_model @ inverse_rigid(mesh_from_model)
     pose[:3, 3] /= mm_per_unit
-    entry |= {} if registered.by_zoom is None else {BY_ZOOM: registered.by_zoom.tolist()}
-    return entry | {POSE_KEY: pose.tolist(), **registered.uncertainty.entry(mesh_from_model)}
+    with_zoom = registered.uncertainty.plus(np.outer(registered.by_zoom, registered.by_zoom))
+    return entry | {POSE_KEY: pose.tolist(), **with_zoom.entry(mesh_from_model), BY_ZOOM: registered.by_zoom.tolist()}
 
 
 def registered_of(
@@ -61,13 +61,13 @@ def registered_of(
     frames = {}
     for entry in entries:
         verdict = Verdict(str(entry["state"]), float(entry["probability"]), str(entry["reason"]))
-        pose = uncertainty = by_zoom = None
+        pose, uncertainty, by_zoom = None, None, np.zeros(6)
         if entry[POSE_KEY] is not None:
             cam_from_mesh, _ = checked_rigid(entry[POSE_KEY], POSE_KEY)
             cam_from_mesh[:3, 3] *= mm_per_unit
             pose = cam_from_mesh @ mesh_from_model
-            uncertainty = PoseUncertainty.of_entry(entry, pose, mesh_from_model)
-            by_zoom = np.array(entry[BY_ZOOM], float) if BY_ZOOM in entry else None
+            by_zoom = np.array(entry[BY_ZOOM], float)
+            uncertainty = PoseUncertainty.of_entry(entry, pose, mesh_from_model).plus(-np.outer(by_zoom, by_zoom))
         changed = bool(entry.get(CHANGED))
         frames[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty, by_zoom=by_zoom, changed=changed)
     return frames
@@ -97,8 +97,7 @@ def registration_record(
     tool, date
         Program and version; day in ISO 8601.
     """
-    # K is the case's, and so is the zoom
-    pose, uncertainty, verdict = registered.cam_from_model, registered.with_zoom_of_case, registered.verdict
+    pose, uncertainty, verdict = registered.cam_from_model, registered.uncertainty, registered.verdict
     if pose is None or uncertainty is None:
         return UNKNOWN
     # nobody knows how far it is off where the aligned frame's pose says nothing

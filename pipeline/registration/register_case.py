@@ -243,7 +243,7 @@ class _Drawing:
 
     def displaced_px(self, registered: RegisteredFrame) -> float:
         """The standard deviation of the place of structures, or of the surface where there are none, px."""
-        pose, uncertainty = registered.cam_from_model, registered.with_zoom_of_case
+        pose, uncertainty = registered.cam_from_model, registered.uncertainty
         if pose is None or uncertainty is None:
             return np.nan
         points = uncertainty.points_around if self._drawn_points is None else self._drawn_points

@@ -145,7 +145,7 @@ def test_a_frame_takes_its_pose_along_and_one_undo_brings_all_back(opened, tmp_p
         origin = record.method, record.start_method, record.start_frame
         assert origin == (REGISTERED, "landmarks", "frame.png")
         assert is_at(case.cam_from_mesh, POSES[at])
-        assert np.allclose(record.standard_deviation_mm, np.sqrt(np.diag(taken.with_zoom_of_case.covariance)[:3]))
+        assert np.allclose(record.standard_deviation_mm, np.sqrt(np.diag(taken.uncertainty.covariance)[:3]))
         assert case_queue.state_of(case) == (case_queue.DOUBTFUL if state == DOUBTFUL else case_queue.ALIGNED)
         assert PoseRecord.of_table(record.table(), "record") == record
     # the film's picture of the case's own frame has the pose of the case
@@ -207,7 +207,7 @@ def test_found_frames_go_into_the_queue_at_their_poses(opened, tmp_path):
     bpy.ops.oneframe.open_case(filepath=str(cases[2].path))
     scene = bpy.context.scene
     np.testing.assert_allclose(
-        pose_evidence.remembered_uncertainty(scene).covariance, frames[2].with_zoom_of_case.covariance, rtol=1e-9
+        pose_evidence.remembered_uncertainty(scene).covariance, frames[2].uncertainty.covariance, rtol=1e-9
     )
     assert film_poses.of(scene).reference.name == "frame.png"
     bpy.ops.oneframe.queue_check()

@@ -130,7 +130,7 @@ class PoseUncertainty:
         values, vectors = np.linalg.eigh(self.covariance * np.outer(scale, scale))
         # an eigenvector has no sign; a fixed one keeps drawn arrows from jumping
         direction = vectors[:, -1]
-        along = self._in_view_axes(direction)
+        along = self._view_axes() @ direction
         sign = np.sign(along[np.argmax(np.abs(along))])
         return sign * np.sqrt(values[-1]) * direction / scale
 
@@ -138,7 +138,7 @@ class PoseUncertainty:
     def weakest(self) -> str:
         """The name of the largest component of :attr:`weakest_twist`, with that component's standard deviation."""
         scale = self._scale_to_mm()
-        along = np.abs(self._in_view_axes(self.weakest_twist * scale))
+        along = np.abs(self._view_axes() @ (self.weakest_twist * scale))
         number = int(np.argmax(along))
         axes = self._view_axes()
         covariance = axes @ self.covariance @ axes.T
@@ -166,6 +166,10 @@ class PoseUncertainty:
     def widened(self, factor: float) -> "PoseUncertainty":
         """That of standard deviations ``factor`` times as large."""
         return replace(self, covariance=factor**2 * self.covariance)
+
+    def plus(self, covariance: np.ndarray) -> "PoseUncertainty":
+        """That with another ``(6, 6)`` covariance added, about the same pivot."""
+        return replace(self, covariance=self.covariance + covariance)
 
     def about(self, pivot_model: np.ndarray, cam_from_model: np.ndarray) -> "PoseUncertainty":
         """The same uncertainty of the pose ``(4, 4)``, as that of a twist about another pivot ``(3,)``."""
@@ -230,9 +234,6 @@ class PoseUncertainty:
         right /= np.linalg.norm(right)
         axes = np.stack([right, np.cross(ray, right), ray])
         return np.block([[axes, np.zeros((3, 3))], [np.zeros((3, 3)), axes]])
-
-    def _in_view_axes(self, twist: np.ndarray) -> np.ndarray:
-        return self._view_axes() @ twist
 
 
 @dataclass(frozen=True)

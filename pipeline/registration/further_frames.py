@@ -36,7 +36,7 @@ LISTS, CAMERA = (".json", ".txt"), "camera"
 """Endings of lists of photographs, and the key of an entry for the file of its camera, with # which of that file."""
 ENTRY = (
     POSE_KEY, CAMERA, NO_SCALE, "frame", "state", "probability", "reason", "changed", "covariance_mm_rad",
-    "pivot_mesh_mm", "radius_mm",
+    "by_zoom_mm_rad", "pivot_mesh_mm", "radius_mm",
 )  # fmt: skip
 """All keys of an entry beside its image, also of a list that :mod:`.pose_list` writes."""
 

@@ -25,8 +25,8 @@ from .register import RegisteredFrame, accepted_poses
 from .verdict import ACCEPTED, Verdict
 
 POSES = "poses.json"
-CHANGED = "changed"
-"""Key of a frame's entry in which a film no longer shows what the case's frame shows."""
+CHANGED, BY_ZOOM = "changed", "by_zoom_mm_rad"
+"""Keys of a frame's entry: where a film no longer shows what the case's frame shows; the zoom's part of covariance."""
 MOST_ACCEPTED = 12
 """Frames that :func:`small_frames` takes: of more, evenly chosen ones."""
 
@@ -44,7 +44,8 @@ def pose_entry(
         return entry
     pose = registered.cam_from_model @ inverse_rigid(mesh_from_model)
     pose[:3, 3] /= mm_per_unit
-    return entry | {POSE_KEY: pose.tolist(), **registered.uncertainty.entry(mesh_from_model)}
+    with_zoom = registered.uncertainty.plus(np.outer(registered.by_zoom, registered.by_zoom))
+    return entry | {POSE_KEY: pose.tolist(), **with_zoom.entry(mesh_from_model), BY_ZOOM: registered.by_zoom.tolist()}
 
 
 def registered_of(
@@ -60,13 +61,15 @@ def registered_of(
     frames = {}
     for entry in entries:
         verdict = Verdict(str(entry["state"]), float(entry["probability"]), str(entry["reason"]))
-        pose = uncertainty = None
+        pose, uncertainty, by_zoom = None, None, np.zeros(6)
         if entry[POSE_KEY] is not None:
             cam_from_mesh, _ = checked_rigid(entry[POSE_KEY], POSE_KEY)
             cam_from_mesh[:3, 3] *= mm_per_unit
             pose = cam_from_mesh @ mesh_from_model
-            uncertainty = PoseUncertainty.of_entry(entry, pose, mesh_from_model)
-        frames[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty, changed=bool(entry.get(CHANGED)))
+            by_zoom = np.array(entry[BY_ZOOM], float)
+            uncertainty = PoseUncertainty.of_entry(entry, pose, mesh_from_model).plus(-np.outer(by_zoom, by_zoom))
+        changed = bool(entry.get(CHANGED))
+        frames[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty, by_zoom=by_zoom, changed=changed)
     return frames
 
 

@@ -1,8 +1,8 @@
 """Register frames to a case: the pose of each, from the pose before it or from nothing, and whether to trust it."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -54,11 +54,13 @@ class RegisteredFrame:
     cam_from_model
         ``(4, 4)`` the pose, mm.
     uncertainty
-        That of the pose.
+        That of the pose, with the zoom as the case's.
     fit
         What the pose was found from.
     zoom
         The focal length that fits best; judged by :func:`judged_together`.
+    by_zoom
+        ``(6,)`` by how much a standard deviation of the zoom would move the pose, mm and radians.
     changed
         Whether the film no longer shows there what the case's frame shows.
     """
@@ -68,6 +70,7 @@ class RegisteredFrame:
     uncertainty: PoseUncertainty | None = None
     fit: FlowFit | None = None
     zoom: Zoom | None = None
+    by_zoom: np.ndarray = field(default_factory=partial(np.zeros, 6))
     changed: bool = False
 
 
@@ -82,7 +85,7 @@ class Registrar:
         self.camera, self.cam_from_model = self.case_view.camera, self.case_view.cam_from_model
         self.views = KnownViews(self.mesh, self.case_view)
         own = _stated(loaded, self.case_view.shown_points())
-        self._own = None if own is None else own.about(self.pivot_model, self.cam_from_model)
+        self.own = None if own is None else own.about(self.pivot_model, self.cam_from_model)
         self._before: tuple[np.ndarray, ...] = ()
 
     def register(self, frame: FurtherFrame) -> RegisteredFrame:
@@ -94,8 +97,28 @@ class Registrar:
         registered = self.register_alone(frame)
         if registered.fit is None:
             return registered
-        registered = replace(registered, zoom=zoom_of(registered.fit, self.pivot_model))
-        return with_case(registered, self._own, self.cam_from_model, self.camera)
+        return self.with_case(replace(registered, zoom=zoom_of(registered.fit, self.pivot_model)))
+
+    def with_case(self, registered: RegisteredFrame) -> RegisteredFrame:
+        """A frame whose covariance, probability and state include what surface and aligned frame are off.
+
+        To first order, what the aligned frame shows moves with its pose as a whole, and takes the others along. A
+        surface that is too deep along its rays is one scaled about its centre: so is the way from there to the frame.
+        """
+        pose, alone = registered.cam_from_model, registered.uncertainty
+        if pose is None or alone is None:
+            return registered
+        way = pose[:3, :3] @ (camera_centre(pose) - camera_centre(self.cam_from_model))
+        both = alone.plus(np.pad(SURFACE_SHARE**2 * np.outer(way, way), (0, 3)))
+        if self.own is not None:
+            turn = np.kron(np.eye(2), pose[:3, :3] @ self.cam_from_model[:3, :3].T)
+            both = both.plus(turn @ self.own.covariance @ turn.T)
+        kept = min(within(both, self.camera) / max(within(alone, self.camera), 1e-9), 1.0)
+        verdict = replace(registered.verdict, probability=registered.verdict.probability * kept)
+        if verdict.state == ACCEPTED and verdict.probability < LEAST_ACCEPTED:
+            reason = f"{verdict.reason}, but the aligned frame's pose is not sure"
+            verdict = replace(verdict, state=DOUBTFUL, reason=reason)
+        return replace(registered, verdict=verdict, uncertainty=both)
 
     def register_alone(self, frame: FurtherFrame, near: np.ndarray | None = None) -> RegisteredFrame:
         """Register a frame as if the case's pose were certain, from a pose ``(4, 4)`` that may be near."""
@@ -204,15 +227,15 @@ def judged_together(frames: Sequence[RegisteredFrame]) -> list[RegisteredFrame]:
     zooms = {number: frame.zoom for number, frame in enumerate(frames) if frame.zoom is not None}
     if not zooms:
         return judged
-    same_of_all = at_same_focal_length(list(zooms.values()))
+    same_of_all, deviations = at_same_focal_length(list(zooms.values()))
     factor = understated(list(zooms.values()), same_of_all)
-    for number, same in zip(zooms, same_of_all, strict=True):
+    for (number, zoom), same, deviation in zip(zooms.items(), same_of_all, deviations, strict=True):
         frame = frames[number]
         if frame.uncertainty is not None:
-            frame = replace(frame, uncertainty=frame.uncertainty.widened(factor))
+            frame = replace(frame, uncertainty=frame.uncertainty.widened(factor), by_zoom=deviation * zoom.moves)
         probability = frame.verdict.probability * float(same)
         reason = (
-            f"the zoom seems to be {zooms[number].factor:.2f} times that of the case's frame, or that frame's pose is "
+            f"the zoom seems to be {zoom.factor:.2f} times that of the case's frame, or that frame's pose is "
             f"off (--correct-source)"
         )
         if max(probability, float(same)) < LEAST_DOUBTFUL:
@@ -238,44 +261,6 @@ def accepted_poses(frames: Mapping[int, RegisteredFrame]) -> dict[int, np.ndarra
         for number, each in frames.items()
         if each.verdict.state == ACCEPTED and each.cam_from_model is not None and not each.changed
     }
-
-
-def with_case(
-    registered: RegisteredFrame,
-    case_uncertainty: PoseUncertainty | None,
-    case_from_model: np.ndarray,
-    camera: PinholeCamera,
-) -> RegisteredFrame:
-    """A registered frame whose covariance, probability and state include what surface and aligned frame are off.
-
-    To first order, what the aligned frame shows moves with its pose as a whole, and takes the others along. A surface
-    that is too deep along its rays is one scaled about its centre: so is then the way from there to another frame.
-
-    Parameters
-    ----------
-    registered
-        Registered to the aligned frame.
-    case_uncertainty
-        Uncertainty of its pose, about the same pivot; ``None`` if nobody states it.
-    case_from_model
-        ``(4, 4)`` that pose, mm.
-    camera
-        The camera of the frames.
-    """
-    pose, own = registered.cam_from_model, registered.uncertainty
-    if pose is None or own is None:
-        return registered
-    way = np.append(pose[:3, :3] @ (camera_centre(pose) - camera_centre(case_from_model)), np.zeros(3))
-    covariance = own.covariance + SURFACE_SHARE**2 * np.outer(way, way)
-    if case_uncertainty is not None:
-        turn = np.kron(np.eye(2), pose[:3, :3] @ case_from_model[:3, :3].T)
-        covariance = covariance + turn @ case_uncertainty.covariance @ turn.T
-    uncertainty, verdict = replace(own, covariance=covariance), registered.verdict
-    alone, both = within(own, camera), within(uncertainty, camera)
-    verdict = replace(verdict, probability=verdict.probability * min(both / max(alone, 1e-9), 1.0))
-    if verdict.state == ACCEPTED and verdict.probability < LEAST_ACCEPTED:
-        verdict = replace(verdict, state=DOUBTFUL, reason=f"{verdict.reason}, but the aligned frame's pose is not sure")
-    return replace(registered, verdict=verdict, uncertainty=uncertainty)
 
 
 def doubt_of_case(loaded: LoadedCase) -> str:

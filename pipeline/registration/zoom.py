@@ -38,12 +38,13 @@ class Zoom(NamedTuple):
     """The focal length of a frame relative to the aligned one's, and the standard deviation of its logarithm.
 
     ``per_px`` is how far it would be off if each block were moved by 1 px: much where a surface is small, flat and seen
-    straight on.
+    straight on. ``moves`` ``(6,)`` is how far the pose goes with it: mm and radians by its logarithm.
     """
 
     factor: float
     sigma: float
     per_px: float
+    moves: np.ndarray = np.zeros(6)
 
 
 def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
@@ -52,7 +53,7 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     used = fit.returning(FITTED)
     points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, fit.pixels))
     sigma = np.inf
-    per_px = np.sqrt(shared_covariance(zoom_jacobian_at(points, camera, pose, pivot_model), pixels)[6, 6])
+    shared = shared_covariance(zoom_jacobian_at(points, camera, pose, pivot_model), pixels)
     for _ in range(STEPS):
         zoomed = camera.zoomed(np.exp(zoom))
         residuals_px = moved - zoomed.project(transform_points(pose, points))
@@ -61,11 +62,13 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
         pose, zoom, sigma = apply_twist(step[:6], pose, pivot_model), zoom + step[6], float(np.sqrt(covariance[6, 6]))
         if abs(step[6]) < SETTLED_STEP:
             break
-    return Zoom(float(np.exp(zoom)), sigma, float(per_px))
+    return Zoom(float(np.exp(zoom)), sigma, float(np.sqrt(shared[6, 6])), shared[:6, 6] / shared[6, 6])
 
 
-def at_same_focal_length(zooms: Sequence[Zoom]) -> np.ndarray:
+def at_same_focal_length(zooms: Sequence[Zoom]) -> tuple[np.ndarray, np.ndarray]:
     """Probability of each frame of a set, in their order, to be within 2 % of the aligned one's focal length, ``(N,)``.
+
+    And ``(N,)`` how far it may be from it, as the standard deviation of the logarithm: by its own estimate.
 
     A mixture: most frames are at that focal length, but what is not exact in the case shifts their estimates; how far
     shows in their scatter. The others are zoomed; how many they are shows too (expectation maximisation).
@@ -84,13 +87,13 @@ def at_same_focal_length(zooms: Sequence[Zoom]) -> np.ndarray:
         np.array([NormalDist().cdf(value) for value in (limit - mean) / deviation])
         for limit in (-WITHIN_SHARE, WITHIN_SHARE)
     )
-    return 1 - is_zoomed * (1 - above + below)
+    return 1 - is_zoomed * (1 - above + below), np.hypot(logs, same)
 
 
 def understated(zooms: Sequence[Zoom], same: np.ndarray) -> float:
     """By how much the standard deviations of a set are too small, at least 1: the zoom's, whose truth is known.
 
-    ``same`` ``(N,)`` is :func:`at_same_focal_length`.
+    ``same`` ``(N,)`` is what :func:`at_same_focal_length` gives first.
     """
     squares = np.array([(math.log(zoom.factor) / zoom.sigma) ** 2 for zoom in zooms])
     return max(1.0, math.sqrt((STATED_FRAMES + same @ squares) / (STATED_FRAMES + same.sum())))

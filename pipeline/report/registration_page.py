@@ -70,8 +70,8 @@ def _limits(evidence: RegistrationEvidence) -> list[str]:
         "The surface is taken for right: depths, structures and colours are no better than it is.",
         "Where it is drilled meanwhile, a film says so only of places that it showed before from the same side; single "
         "frames say nothing.",
-        "One K is taken for all frames: a zoom by less than their scatter looks like another distance.",
+        "One K is taken for all frames, by the standard deviations too: a zoom by less than their scatter looks like "
+        "another distance.",
         "The probability was calibrated on few scenes. It says little of surfaces unlike these.",
-        "The standard deviations are too small under motion blur.",
         "A refused frame may well show the surface: it was not found, no more.",
     ]

@@ -35,7 +35,8 @@ def found_in(rng, state=ACCEPTED):
     pose, root = pose_of(rng), rng.normal(0, 0.1, (6, 6))
     points = rng.normal(0, 9, (50, 3))
     uncertainty = PoseUncertainty.about_points(points.mean(axis=0), root @ root.T, points, pose)
-    return RegisteredFrame(Verdict(state, 0.9875, "12 of 40 places"), pose, uncertainty)
+    verdict = Verdict(state, 0.9875, "12 of 40 places")
+    return RegisteredFrame(verdict, pose, uncertainty, by_zoom=rng.normal(0, 1, 6))
 
 
 def assert_same(one, other):
@@ -59,6 +60,7 @@ def test_a_list_gives_back_what_was_found(write_tiny_case, tmp_path, mm_per_unit
     assert back.keys() == frames.keys()
     for number, found in frames.items():
         assert_same(found, back[number])
+        np.testing.assert_array_equal(found.by_zoom, back[number].by_zoom)
     assert list(accepted_poses(back)) == [7], "the surface has changed in the other one"
     # as photographs
     case = replace(read_case(write_tiny_case(tmp_path)), mm_per_unit=mm_per_unit)

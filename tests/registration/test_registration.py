@@ -2,6 +2,7 @@
 
 import json
 import os
+from copy import copy
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -27,7 +28,7 @@ from oneframe.registration.correct_pose import PoseCorrection, Track
 from oneframe.registration.flow_refinement import FlowFit
 from oneframe.registration.further_frames import FurtherFrame
 from oneframe.registration.pose_list import accepted_frames, read_photographs
-from oneframe.registration.register import SURFACE_SHARE, RegisteredFrame, Registrar, judged_together, with_case
+from oneframe.registration.register import SURFACE_SHARE, RegisteredFrame, Registrar, judged_together
 from oneframe.registration.verdict import (
     ACCEPTED,
     DOUBTFUL,
@@ -155,6 +156,11 @@ def test_another_focal_length_is_told_from_another_distance(registrar, mesh, fac
     found, clean = replace(found, zoom=zoom), replace(found, zoom=zoom._replace(factor=1.0))
     (alone,) = judged_together([found])
     assert (alone.verdict.state == ACCEPTED) == (factor == 1)
+    if alone.uncertainty is not None:
+        # it is taken to be nearer, which its covariance allows, but not with the zoom of the case
+        off_mm = abs((found.cam_from_model - seen_from(25, 10))[2, 3])
+        assert off_mm < 2 * alone.uncertainty.plus(np.outer(alone.by_zoom, alone.by_zoom)).translation_mm[2]
+        assert (off_mm > 10 * alone.uncertainty.translation_mm[2]) == (factor != 1)
     # the others of its set say how exact the case is
     *others, judged = judged_together([clean] * 6 + [found])
     assert judged.verdict.state == (ACCEPTED if factor == 1 else REFUSED)
@@ -185,7 +191,7 @@ def test_zooms_are_judged_as_a_set():
         def same(logs: np.ndarray, stated: float = sigma, rng: np.random.Generator = rng) -> np.ndarray:
             # where the surface is exact, estimates err by half of what they state
             found = logs + rng.normal(0, stated / 2, len(logs))
-            return at_same_focal_length([Zoom(factor, stated, 0.025) for factor in np.exp(found)])
+            return at_same_focal_length([Zoom(factor, stated, 0.025) for factor in np.exp(found)])[0]
 
         assert same(exact).min() > 0.97
         # all, half and one of them
@@ -216,7 +222,7 @@ def test_a_zoom_is_doubted_where_the_relief_tells_it(half_mm, relief_mm, tilt, f
         rng = np.random.default_rng(seed)
         moved = zoomed + rng.normal(0, shared_px, (blocks, 2))[block] + rng.normal(0, 0.1, pixels.shape)
         fit = FlowFit(pose, large, pixels, none[:, 0], points, moved, none)
-        (same,) = at_same_focal_length([zoom_of(fit, PIVOT)])
+        (same,), _ = at_same_focal_length([zoom_of(fit, PIVOT)])
         assert (same < LEAST_ACCEPTED) == (factor != 1)
 
 
@@ -224,7 +230,9 @@ def test_what_the_source_is_off_the_frame_is_off(registrar, mesh):
     found = found_in(registrar, codes(photograph(mesh, seen_from(15, 70))))
     covariance = np.diag(np.array([0.2, 0.3, 1.0, *np.radians([0.5, 0.3, 1.0])]) ** 2)
     source = PoseUncertainty(PIVOT, covariance, np.inf, np.nan, 20.0, transform_points(SOURCE, PIVOT))
-    surface, both = (with_case(found, own, SOURCE, CAMERA) for own in (None, source))
+    surface, unsure = registrar.with_case(found), copy(registrar)
+    unsure.own = source
+    both = unsure.with_case(found)
     frame, twists = found.cam_from_model, np.random.default_rng(0).multivariate_normal(np.zeros(6), covariance, 4000)
     taken_along = [frame @ inverse_rigid(SOURCE) @ apply_twist(each, SOURCE, PIVOT) for each in twists]
     off = np.array([twist_between(each, frame, PIVOT) for each in taken_along])
@@ -243,7 +251,7 @@ def test_a_surface_too_deep_moves_the_frames(registrar, mesh):
     known = Correspondences.about(deeper, CAMERA.project(transform_points(frame, mesh.vertices[::50])), CAMERA)
     poses, _ = fit_poses(known, Poses.of(frame[None], known.pivot_model))
     twist = twist_between(frame, poses.matrix(0, known.pivot_model), PIVOT)
-    added = with_case(found, None, SOURCE, CAMERA).uncertainty.covariance - found.uncertainty.covariance
+    added = registrar.with_case(found).uncertainty.covariance - found.uncertainty.covariance
     scale = np.array([1, 1, 1, 10, 10, 10])
     assert np.linalg.norm(twist[:3]) > 0.03
     assert np.abs((added - np.outer(twist, twist)) * np.outer(scale, scale)).max() < 0.1 * twist[:3] @ twist[:3]
@@ -399,7 +407,8 @@ def test_the_command_corrects_the_source(mesh, tmp_path):
     own = case.alignment.table()
     for entry, pose in zip([own, *found], [SOURCE, *poses], strict=True):
         estimate = case.cam_from_mesh if entry is own else np.array(entry["cam_from_mesh"])
-        known = PoseUncertainty.of_entry(entry, estimate, np.eye(4))
+        by_zoom = np.array(entry.get("by_zoom_mm_rad", np.zeros(6)))
+        known = PoseUncertainty.of_entry(entry, estimate, np.eye(4)).plus(-np.outer(by_zoom, by_zoom))
         assert np.abs(twist_between(estimate, pose, known.pivot_model)[:3]).max() < 0.2
         assert known.translation_mm[2] < 1.0
         assert known.translation_mm[:2].max() < 0.1

@@ -128,7 +128,7 @@ def pack_dataset(
 
 
 def verify_pack(folder: Path, *, threads: int = 1, stream: TextIO | None = None) -> list[str]:
-    """Compare all files of a complete pack with their size and hash; what is wrong, shards of others too, in clauses."""
+    """Compare all files of a complete pack with their size and hash, and name shards of others; clauses."""
     files = complete_manifest(folder).files
     with Progress(len(files), "files verified", stream=stream) as progress, ThreadPoolExecutor(threads) as pool:
 

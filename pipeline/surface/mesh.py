@@ -40,8 +40,8 @@ class TriangleMesh:
 
     @cached_property
     def face_cross(self) -> np.ndarray:
-        """``(F, 3)`` outward face normals times twice the area, mm^2."""
-        cross = np.empty(self.faces.shape)
+        """``(F, 3)`` outward face normals times twice the area, mm^2; by columns, which every view sums."""
+        cross = np.empty(self.faces.shape, order="F")
         for at in range(0, len(cross), _BLOCK):
             a, b, c = (self.vertices[corner] for corner in self.faces[at : at + _BLOCK].T)
             cross[at : at + _BLOCK] = np.cross(b - a, c - a)

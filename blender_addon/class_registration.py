@@ -43,15 +43,15 @@ def attached(owner: type, name: str, group: type[bpy.types.PropertyGroup]) -> Pa
     return Part(lambda: setattr(owner, name, bpy.props.PointerProperty(type=group)), lambda: delattr(owner, name))
 
 
-def listening(listeners: list[Any], function: Callable[..., object]) -> Part:
-    """A function in a list of ``bpy.app.handlers``, or in one of the add-on's own."""
+def listening(listeners: Any, function: Callable[..., object]) -> Part:
+    """A function in a list of ``bpy.app.handlers``, in one of the add-on's own, or in a menu."""
     return Part(lambda: listeners.append(function), lambda: listeners.remove(function))
 
 
 def tool(kind: type[bpy.types.WorkSpaceTool], after: str, *, separator: bool = False) -> Part:
-    """A tool in the toolbar."""
+    """A tool in the toolbar; a group of its own, as Blender misplaces others, which count its fields as tools."""
     return Part(
-        lambda: bpy.utils.register_tool(kind, after={after}, separator=separator),
+        lambda: bpy.utils.register_tool(kind, after={after}, separator=separator, group=True),
         lambda: bpy.utils.unregister_tool(kind),
         is_first=True,
     )

@@ -84,4 +84,4 @@ def leave_tools() -> None:
                 break
 
 
-PARTS = (tool(PinTool, "builtin.measure", separator=True), tool(LandmarkTool, PIN_TOOL), at_end(leave_tools))
+PARTS = (tool(PinTool, "builtin.select_box", separator=True), tool(LandmarkTool, PIN_TOOL), at_end(leave_tools))

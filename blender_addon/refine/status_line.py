@@ -83,7 +83,7 @@ def pose_text(scene: bpy.types.Scene) -> str:
     if pose.previewed:
         return f"Preview: {pose.previewed}"
     record = pose_record(scene)
-    text = KINDS.get(record.method, record.method or "Given by the case, origin unknown")
+    text = KINDS.get(record.method, record.method or "From the case file")
     text = "Taken although refused" if record.refused else text
     if record.error_px is not None:
         return f"{text}, off by {'at least' if record.refused else 'about'} {format_two_digits(record.error_px)} px"
@@ -123,7 +123,7 @@ def next_step(scene: bpy.types.Scene, *, is_saved: bool) -> str:
         return "Next: drag another pin, far from the first"
     entries, is_settled = queue_of(scene), bool(record.checked or scene.oneframe.refused)
     if not record.is_from_image and not is_settled:
-        return f"Next: {binding('oneframe.refine') or 'Refine Against Image'} refines it against the image"
+        return f"Next: {binding('oneframe.refine') or 'Refine Against Image'} refines it"
     if entries:
         if not is_saved or not (is_settled or entries[position(scene)].state in SETTLED):
             return f"Next: {binding('oneframe.queue_check') or 'Checked'}, if it is right"

@@ -1,7 +1,11 @@
-"""Files dropped onto a 3D view: the operator of their kind opens them; where several could, Blender asks which."""
+"""Files dropped onto a 3D view: the operator of their kind opens them; where several could, Blender asks which.
+
+Cases are in the menu File, Import too, which a small window shows and the sidebar's tab it may not.
+"""
 
 import bpy
 
+from ..class_registration import listening
 from ..state import from_scene, workbench
 from ..video.operators import VIDEOS
 from .operators import CAMERAS, IMAGES, MESHES
@@ -96,3 +100,10 @@ class ONEFRAME_FH_ct(_Dropped):
     # of .nii.gz Blender looks at the last part
     bl_file_extensions = ".nii;.gz;.nrrd"
     is_ours = True
+
+
+def _draw_import(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    menu.layout.operator("oneframe.open_case", text="OneFrame Case (.toml)")
+
+
+PARTS = (listening(bpy.types.TOPBAR_MT_file_import, _draw_import),)

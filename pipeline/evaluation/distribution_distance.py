@@ -5,6 +5,7 @@ below :data:`FID_IMAGES` images not even those say much. KID (Bińkowski et al. 
 a standard error. The user exports the network once, see the page on evaluation: nothing is downloaded.
 """
 
+import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -98,8 +99,8 @@ class Inception:
 
     def __init__(self, path: Path) -> None:
         """Read the network and try it."""
-        self.name = path.name
         data = read_content(path, "an ONNX file of InceptionV3")
+        self.name = f"{path.name} (SHA-256 {hashlib.sha256(data).hexdigest()})"
         expected = f"{path.name}: expected InceptionV3 as ONNX, 1x3x{SIDE_PX}x{SIDE_PX} -> {FEATURES} features"
         advice = "export it as the page on evaluation in the documentation says"
         try:

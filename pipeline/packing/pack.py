@@ -128,7 +128,7 @@ def pack_dataset(
 
 
 def verify_pack(folder: Path, *, threads: int = 1, stream: TextIO | None = None) -> list[str]:
-    """Compare all files of a complete pack with their size and hash; what is wrong, in clauses."""
+    """Compare all files of a complete pack with their size and hash, and name shards of others; clauses."""
     files = complete_manifest(folder).files
     with Progress(len(files), "files verified", stream=stream) as progress, ThreadPoolExecutor(threads) as pool:
 
@@ -137,7 +137,9 @@ def verify_pack(folder: Path, *, threads: int = 1, stream: TextIO | None = None)
             progress.advance()
             return found
 
-        return [each for each in pool.map(problem, files) if each is not None]
+        wrong = [each for each in pool.map(problem, files) if each is not None]
+    others = {path.name for path in folder.glob("[!.]*.tar")} - files.keys()
+    return [*wrong, *(f"{name} is no shard of this pack: remove it" for name in sorted(others))]
 
 
 def _check_folders(root: Path, out: Path) -> None:

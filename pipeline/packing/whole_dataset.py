@@ -66,4 +66,6 @@ def open_whole_dataset(root: Path) -> WholeDataset:
     dataset = WholeDataset(root, description, sums)
     for name in (*COPIED, TARGETS):
         dataset.check(name)
+    for folder in description.further:
+        description.read_further(root, folder)
     return dataset

@@ -68,6 +68,8 @@ def registered_of(
             pose = cam_from_mesh @ mesh_from_model
             by_zoom = np.array(entry[BY_ZOOM], float)
             uncertainty = PoseUncertainty.of_entry(entry, pose, mesh_from_model).plus(-np.outer(by_zoom, by_zoom))
+            if not np.isfinite(uncertainty.covariance).all():
+                raise ValueError("expected a finite covariance")
         changed = bool(entry.get(CHANGED))
         frames[int(entry["frame"])] = RegisteredFrame(verdict, pose, uncertainty, by_zoom=by_zoom, changed=changed)
     return frames
@@ -187,10 +189,12 @@ def small_frames(loaded: LoadedCase, accepted: AcceptedFrames | None) -> list[Po
     else:
         with reader.opened(accepted.video) as opened:
             further = [frame for frame in opened.frames if frame.number in chosen]
+    found = dict.fromkeys(chosen, "the film has no such frame") | {frame.number: frame.problem for frame in further}
+    if lost := next(((number, problem) for number, problem in found.items() if problem), None):
+        raise InputError(f"frame {lost[0]}: expected it as it was registered, but {lost[1]}; register the frames again")
     return frames + [
         PosedFrame(frame.image.astype(np.float32) / 255, frame.valid, reader.camera, accepted.poses[frame.number])
         for frame in further
-        if not frame.problem
     ]
 
 

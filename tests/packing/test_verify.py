@@ -23,10 +23,12 @@ def findings(pack: Path) -> list[str]:
     return verify_pack(pack, stream=io.StringIO())
 
 
-def test_a_sound_pack_is_whole(packed, capfd):
+def test_a_sound_pack_is_whole_and_one_with_a_shard_more_is_not(packed, copied_pack, capfd):
     assert findings(packed) == []
     assert dispatch(["pack", "--out", str(packed), "--verify"]) == 0
     assert "whole (all hashes)" in capfd.readouterr().out
+    (copied_pack / "shard-000009.tar").write_bytes((copied_pack / SHARD).read_bytes())
+    assert findings(copied_pack) == ["shard-000009.tar is no shard of this pack: remove it"]
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -70,8 +70,9 @@ def test_the_left_eye_shows_what_a_dataset_without_a_right_one_does_and_shards_m
         assert (one.rgb == other.rgb).all()
         assert (one.depth_mm == other.depth_mm).all()
         assert (one.cam_from_model == other.cam_from_model).all()
-    for shard in ("--shard=1/2", "--shard=0/2", "--shard=0/1"):
-        assert oneframe("render", case, "--out", tmp_path / "shards", *RENDERED, *EYES, shard) == 0
+    # processes of the right eye work within the left eye's dataset
+    for words in (("--shard=1/2", "--workers=2"), ("--shard=0/2",), ("--shard=0/1",)):
+        assert oneframe("render", case, "--out", tmp_path / "shards", *RENDERED, *EYES, *words) == 0
     assert tree(tmp_path / "shards") == tree(pairs)
 
 
@@ -106,6 +107,8 @@ def test_a_right_eye_that_is_missing_or_of_other_views_is_found(case, pairs, tmp
         capfd.readouterr()
         assert oneframe("check", copy) == 1
         assert message in capfd.readouterr().out
+    with pytest.raises(InputError, match=r"right/dataset\.json does not exist"):
+        oneframe("pack", copy, "--out", tmp_path / "packed")
     shutil.copytree(other, copy / "right")
     with pytest.raises(InputError, match=r"right eyes of these views: options\.seed was 5, is 0"):
         _ = open_dataset(copy)[0].right

@@ -62,6 +62,8 @@ def test_a_list_gives_back_what_was_found(write_tiny_case, tmp_path, mm_per_unit
         assert_same(found, back[number])
         np.testing.assert_array_equal(found.by_zoom, back[number].by_zoom)
     assert list(accepted_poses(back)) == [7], "the surface has changed in the other one"
+    with pytest.raises(ValueError, match="finite covariance"):
+        registered_of([entries[0] | {"by_zoom_mm_rad": [np.nan] * 6}], mesh_from_model, mm_per_unit)
     # as photographs
     case = replace(read_case(write_tiny_case(tmp_path)), mm_per_unit=mm_per_unit)
     photographs, _ = read_photographs(tmp_path / "list.json", case)

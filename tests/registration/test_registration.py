@@ -27,7 +27,7 @@ from oneframe.registration import known_views
 from oneframe.registration.correct_pose import PoseCorrection, Track
 from oneframe.registration.flow_refinement import FlowFit
 from oneframe.registration.further_frames import FurtherFrame
-from oneframe.registration.pose_list import accepted_frames, read_photographs
+from oneframe.registration.pose_list import AcceptedFrames, accepted_frames, read_photographs, small_frames
 from oneframe.registration.register import SURFACE_SHARE, RegisteredFrame, Registrar, judged_together
 from oneframe.registration.verdict import (
     ACCEPTED,
@@ -388,6 +388,11 @@ def test_the_command_registers_a_folder_and_a_film(mesh, tmp_path):
         (folder / f"{name}.png").unlink()
     with pytest.raises(InputError, match=r"0\.png is not there"):
         accepted_frames(tmp_path / f"registered_{folder.name}", None, loaded)
+    for number, words in ((3, "it has 160x120 px, the film's first frame 320x240"), (9, "the film has no such frame")):
+        with pytest.raises(
+            InputError, match=f"frame {number}: expected it as it was registered, but {words}; register"
+        ):
+            small_frames(loaded, AcceptedFrames({0: poses[0], number: poses[0]}, tmp_path / "film.h264"))
     (folder / "00.png").unlink()
     with pytest.raises(InputError, match=r"v empty\.png: .* empty.*; nor can any other frame be used"):
         registered(tmp_path, folder.name, tmp_path / "none")

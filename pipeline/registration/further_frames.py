@@ -62,7 +62,7 @@ class ListedImage:
         """The image of a list's entry; ``where`` begins messages, ``folder`` is the list's."""
         check_keys(entry if isinstance(entry, dict) else {}, ("image",), ENTRY, f"{where}: ")
         image, named = entry["image"], entry.get(CAMERA, "")
-        if not (isinstance(image, str) and image and isinstance(named, str)):
+        if not (isinstance(image, str) and image and isinstance(named, str)) or "\0" in image:
             found = f"found image = {described(image)}, {CAMERA} = {described(named)}"
             raise InputError(f"{where}: expected the name of an image, and of a {CAMERA}'s file if any, {found}")
         return cls(folder / image, folder / named, read_camera(folder / named)) if named else cls(folder / image)

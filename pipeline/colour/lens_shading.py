@@ -19,7 +19,7 @@ from ..images.transfer import SRGB, Transfer
 from ..light.lens_light import LensLight, power_of, shading, working_distance_mm
 from ..projection.rendered_view import RenderedView
 from ..projection.visible_surface import central_point
-from ..projection.z_buffer import first_met, rasterise_depth
+from ..projection.z_buffer import rasterise_depth, reached_from
 from ..surface.mesh import TriangleMesh
 from ..transforms import transform_points
 from .vertex_colours import NEUTRAL
@@ -104,7 +104,10 @@ class LensShading:
     ) -> np.ndarray:
         """``(N,)`` what multiplies shifted codes plus their shift; parameters as of :func:`.shading`."""
         light, distance_mm = self.at(cam_from_model)
-        linear = shading(light, points, normals, cam_from_model, distance_mm, lit)
+        return self.factors_of(shading(light, points, normals, cam_from_model, distance_mm, lit))
+
+    def factors_of(self, linear: np.ndarray) -> np.ndarray:
+        """The same of linear light ``(N,)``."""
         return power_of(np.maximum(linear, linear.dtype.type(self.least)), 1 / self.curve.gamma)
 
 
@@ -152,9 +155,7 @@ def lit_by_lamp(
 
     Without faces their places alone tell what the lamp's rays meet.
     """
-    part, met = first_met(mesh, lens.at(pose)[0].place_model(pose), points)
-    reached = part > 1 - SAME_PLACE
-    return (reached if faces is None else reached | (met == faces)).astype(np.float32)
+    return reached_from(mesh, lens.at(pose)[0].place_model(pose), points, SAME_PLACE, faces).astype(np.float32)
 
 
 def lens_shading_of(loaded: LoadedCase, *, shadows: bool = False) -> LensShading:

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..images.pixel_values import ROUNDING_PX
-from ..kernels.lookup import FrameLookup, Met, Painted, interpolate, met_points, paint, shading_normals, shown_by
+from ..kernels.lookup import FrameLookup, Met, Painted, interpolate, met_points, paint, shown_by, towards_lamp
+from ..light.lens_light import received
 from ..projection.edge_pixels import pixel_pattern
 from ..projection.rendered_view import RenderedView
 from ..projection.z_buffer import fronts, inverse_depth_map, nearest_at, nearest_at_centres, projected
@@ -165,12 +166,16 @@ class RayTracer:
 
     def _light(self, light: LensShading, seen: "_Seen", rgb: np.ndarray, hit: np.ndarray) -> None:
         """Put the colours of what was hit into the light at the lens."""
-        mesh, pose, met = self._mesh, seen.pose, seen.met
-        points = met_points(met, camera_centre(pose), pose[:3, :3].T @ np.linalg.inv(seen.camera.k))
-        turned = seen.front == mesh.is_flipped
-        normals = shading_normals(mesh.smooth_normals, mesh.faces, turned, seen.points, met)
+        mesh, pose, met, (lamp, distance_mm) = self._mesh, seen.pose, seen.met, light.at(seen.pose)
+        centre, model_from_px = camera_centre(pose), pose[:3, :3].T @ np.linalg.inv(seen.camera.k)
+        surface, lamp_from_lens = (mesh.smooth_normals, mesh.faces, mesh.is_flipped), lamp.place_model(pose) - centre
+        ways = towards_lamp(
+            surface, seen.points, met, tuple(lamp_from_lens.tolist()), tuple(model_from_px.ravel().tolist())
+        )
         lit = np.ones(len(hit), np.float32) if light.shadows else None
         if lit is not None:
-            lit[hit] = lit_by_lamp(mesh, light, met.face[hit], points[hit], pose)
-        shown_codes(rgb, light.factors(points, normals, pose, lit), light.curve)
-        rgb[~hit] = 0
+            lit[hit] = lit_by_lamp(mesh, light, met.face[hit], met_points(met, centre, model_from_px), pose)
+        factors = light.factors_of(received(lamp, *ways, distance_mm, lit))
+        # nothing is black
+        factors[~hit] = 0
+        shown_codes(rgb, factors, light.curve)

@@ -103,7 +103,7 @@ def _limited_to(view: SeenFrame, pixels: np.ndarray) -> SeenFrame:
 
 
 def _lit_views(reference: ReferenceView, light: LensShading) -> tuple[SeenFrame, ...]:
-    """The views, in which what lies in the shadow of their lamp shows nothing.
+    """The views, in which what lies in the shadow of their lamp shows nothing, nor do pixels at the edge of a surface.
 
     The law divides the colours there by light that the surface does not get: what is left is no albedo.
     """
@@ -111,6 +111,8 @@ def _lit_views(reference: ReferenceView, light: LensShading) -> tuple[SeenFrame,
     for view in reference.views:
         lit = view.inverse_depth > 0
         lit[lit] = lit_by_lamp(reference.mesh, light, None, view.shown_points(), view.cam_from_model) > 0
+        around = np.lib.stride_tricks.sliding_window_view(np.pad(view.inverse_depth, 1, mode="edge"), (3, 3))
+        lit &= around.min(axis=(2, 3)) > (1 - view.steepest) * around.max(axis=(2, 3))
         views.append(_limited_to(view, lit))
     return tuple(views)
 

@@ -70,7 +70,7 @@ class SeenFrame(PosedFrame):
         """``image`` and ``inverse_depth``, both continued by one pixel into the background: what lookups read."""
         background = (self.inverse_depth <= 0) & self.valid
         same = SAME_SURFACE * self.depth_tolerance
-        return continued_by_a_pixel(self.image, self.inverse_depth, background, steepest=self._steepest, same=same)
+        return continued_by_a_pixel(self.image, self.inverse_depth, background, steepest=self.steepest, same=same)
 
     @cached_property
     def depth_mm(self) -> np.ndarray:
@@ -83,7 +83,7 @@ class SeenFrame(PosedFrame):
         return TOLERANCE_PX / min(self.camera.fx, self.camera.fy)
 
     @property
-    def _steepest(self) -> float:
+    def steepest(self) -> float:
         """Largest relative change of the depth of a surface from pixel to pixel."""
         return float(np.tan(np.radians(MAX_INCIDENCE_DEG))) / min(self.camera.fx, self.camera.fy)
 
@@ -137,7 +137,7 @@ class SeenFrame(PosedFrame):
                 on_plane = z * (self.camera.rays_cam(tap.astype(float)) * normals_cam).sum(axis=1) / along
                 own = inside & (np.abs(z * surface[v, u] - on_plane) <= self.depth_tolerance)
                 # seen edge-on, a plane meets everything
-                own &= np.abs(on_plane - 1) <= self._steepest
+                own &= np.abs(on_plane - 1) <= self.steepest
             factor = np.where(own, np.abs(1 - right - offset[:, 0]) * np.abs(1 - down - offset[:, 1]), 0)
             total += factor[:, None] * image[v, u]
             weight += factor

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import compiled
-from .nearest_face import corner_weights
+from .nearest_face import corner_areas
 
 
 class Met(NamedTuple):
@@ -157,59 +157,87 @@ def interpolate(
             continue
         face = met.face[number]
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        at_a, at_b, at_c = corner_weights(points, (a, b, c), met.uv[number, 0], met.uv[number, 1])
+        at_a, at_b, at_c = corner_areas(points, (a, b, c), met.uv[number, 0], met.uv[number, 1])
+        total = at_a + at_b + at_c
+        share = 1 / total if total != 0 else 0.0
         for channel in range(values.shape[1]):
-            means[number, channel] = at_a * values[a, channel] + at_b * values[b, channel] + at_c * values[c, channel]
+            mean = at_a * values[a, channel] + at_b * values[b, channel] + at_c * values[c, channel]
+            means[number, channel] = share * mean
 
 
 @compiled
-def shading_normals(
-    normals: np.ndarray, faces: np.ndarray, turned: np.ndarray, points: np.ndarray, met: Met
-) -> np.ndarray:
-    """``(N, 3)`` float32 unit normals between those ``(V, 3)`` of the vertices; some faces have them turned."""
-    (uv, met_face, _), means = met, np.zeros((len(met.face), 3), np.float32)
+def towards_lamp(
+    surface: tuple[np.ndarray, np.ndarray, np.ndarray],
+    points: np.ndarray,
+    met: Met,
+    lamp: tuple[float, ...],
+    model_from_px: tuple[float, ...],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What :func:`.received` asks of what rays from a lens meet of normals, faces and which of these are flipped.
+
+    The lamp is seen from the lens, in the model's axes, mm; a ray goes along a matrix, row by row, times (u, v, 1).
+    """
+    (normals, faces, flipped), (uv, met_face, inverse_depth) = surface, met
+    (lamp_x, lamp_y, lamp_z), (x0, x1, x2, y0, y1, y2, z0, z1, z2) = lamp, model_from_px
+    along, squared, off_axis = np.zeros((3, len(met_face)), np.float32)
     for number in range(len(met_face)):
         face = met_face[number]
         if face < 0:
             continue
+        u, v, w = uv[number, 0], uv[number, 1], inverse_depth[number]
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-        at_a, at_b, at_c = corner_weights(points, (a, b, c), uv[number, 0], uv[number, 1])
-        x = at_a * normals[a, 0] + at_b * normals[b, 0] + at_c * normals[c, 0]
-        y = at_a * normals[a, 1] + at_b * normals[b, 1] + at_c * normals[c, 1]
-        z = at_a * normals[a, 2] + at_b * normals[b, 2] + at_c * normals[c, 2]
-        scale = 1 / np.sqrt(max(x * x + y * y + z * z, 1e-24))
-        if turned[face]:
-            scale = -scale
-        means[number, 0], means[number, 1], means[number, 2] = x * scale, y * scale, z * scale
-    return means
+        at_a, at_b, at_c = corner_areas(points, (a, b, c), u, v)
+        nx = at_a * normals[a, 0] + at_b * normals[b, 0] + at_c * normals[c, 0]
+        ny = at_a * normals[a, 1] + at_b * normals[b, 1] + at_c * normals[c, 1]
+        nz = at_a * normals[a, 2] + at_b * normals[b, 2] + at_c * normals[c, 2]
+        ray_x, ray_y, ray_z = x0 * u + x1 * v + x2, y0 * u + y1 * v + y2, z0 * u + z1 * v + z2
+        # all w times as long
+        x, y, z = lamp_x * w - ray_x, lamp_y * w - ray_y, lamp_z * w - ray_z
+        normal = np.float32(w * w) * np.float32(max(nx * nx + ny * ny + nz * nz, 1e-24))
+        # on the side that is seen
+        outwards = x * nx + y * ny + z * nz if flipped[face] else -(x * nx + y * ny + z * nz)
+        along[number] = np.float32(outwards) / np.sqrt(normal)
+        squared[number] = np.float32(x * x + y * y + z * z) / np.float32(w * w)
+        off_axis[number] = ray_x * ray_x + ray_y * ray_y + ray_z * ray_z - 1
+    return along, squared, off_axis
 
 
 @compiled
 def met_points(met: Met, centre: np.ndarray, model_from_px: np.ndarray) -> np.ndarray:
-    """``(N, 3)`` float32 points that rays from a centre meet; they go along a matrix ``(3, 3)`` times (u, v, 1)."""
-    (uv, face, inverse_depth), points = met, np.zeros((len(met.face), 3), np.float32)
-    for number in range(len(points)):
+    """``(M, 3)`` float32 points that M rays from a centre meet; they go along a matrix ``(3, 3)`` times (u, v, 1)."""
+    uv, face, inverse_depth = met
+    points, count = np.empty((len(face), 3), np.float32), 0
+    for number in range(len(face)):
         if face[number] < 0:
             continue
         u, v, depth = uv[number, 0], uv[number, 1], 1 / inverse_depth[number]
         for axis in range(3):
             away = model_from_px[axis, 0] * u + model_from_px[axis, 1] * v + model_from_px[axis, 2]
-            points[number, axis] = centre[axis] + away * depth
-    return points
+            points[count, axis] = centre[axis] + away * depth
+        count += 1
+    return points[:count]
 
 
 @compiled
-def seen_from(place: np.ndarray, look: np.ndarray, points: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """``(N, 2)`` slopes x / z and y / z, and ``(N,)`` depths of points, seen from a place with a rotation ``(3, 3)``.
+def seen_from(
+    place: np.ndarray, look: np.ndarray, points: np.ndarray, least: float, size: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """``(N, 2)`` pixels and ``(N,)`` depths of points, seen from a place with a rotation ``(3, 3)``; focal, principal.
 
+    Focal length and principal point ``(2,)`` are such that an image of so many columns and rows just shows the points.
     The depth is 0 where the cosine between the line of sight and the axis z is below the least one.
     """
-    slopes, depths = np.zeros((len(points), 2)), np.zeros(len(points))
+    uv, depths, low, high = np.zeros((len(points), 2)), np.zeros(len(points)), np.full(2, np.inf), np.full(2, -np.inf)
     for number in range(len(points)):
         x, y, z = points[number, 0] - place[0], points[number, 1] - place[1], points[number, 2] - place[2]
         depth = look[2, 0] * x + look[2, 1] * y + look[2, 2] * z
         if depth > 0 and depth >= least * np.sqrt(x * x + y * y + z * z):
-            slopes[number, 0] = (look[0, 0] * x + look[0, 1] * y + look[0, 2] * z) / depth
-            slopes[number, 1] = (look[1, 0] * x + look[1, 1] * y + look[1, 2] * z) / depth
             depths[number] = depth
-    return slopes, depths
+            for axis in range(2):
+                slope = (look[axis, 0] * x + look[axis, 1] * y + look[axis, 2] * z) / depth
+                uv[number, axis] = slope
+                low[axis], high[axis] = min(low[axis], slope), max(high[axis], slope)
+    focal = (size - 1) / np.maximum(high - low, 1e-12)
+    for axis in range(2):
+        uv[:, axis] = focal[axis] * (uv[:, axis] - low[axis])
+    return uv, depths, focal, -focal * low

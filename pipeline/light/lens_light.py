@@ -198,31 +198,40 @@ def shading(
     -------
     ``(N,)``, linear, in the precision of ``points``; without vignetting at least the ambient part.
     """
-    if light.lamp_cam_mm is None:
-        return np.full(len(points), light.ambient, points.dtype) * vignetted(light, points, cam_from_model)
     lamp, kind = light.place_model(cam_from_model), points.dtype.type
     # column by column: numpy is slow at reductions along an axis of three
     x, y, z = (kind(at) - column for at, column in zip(lamp, points.T, strict=True))
     nx, ny, nz = normals.T
-    squared = x * x + y * y + z * z
-    # a point in the lamp itself has no direction
-    squared *= kind(1 / distance_mm**2)
-    direct = np.maximum(x * nx + y * ny + z * nz, 0)
-    direct *= power_of(np.maximum(squared, kind(1e-6)), -(light.falloff + 1) / 2) * kind(1 / distance_mm)
+    ways = x * nx + y * ny + z * nz, x * x + y * y + z * z
+    if light.vignetting:
+        x, y, z = (points @ row[:3].astype(points.dtype) + kind(row[3]) for row in cam_from_model[:3])
+    # of points beside the lens nothing is left
+    return received(light, *ways, (x * x + y * y) / np.maximum(z * z, 1e-12), distance_mm, lit)
+
+
+def received(
+    light: LensLight,
+    along: np.ndarray,
+    squared: np.ndarray,
+    off_axis: np.ndarray,
+    distance_mm: float | np.ndarray,
+    lit: np.ndarray | None = None,
+) -> np.ndarray:
+    """The same from ``(N,)`` ways to the lamp along the normal, mm, and squared, and from tan(φ)^2."""
+    kind = along.dtype.type
+    if light.lamp_cam_mm is None:
+        direct = np.zeros_like(along)
+    else:
+        direct = np.maximum(along, 0)
+        # a point in the lamp itself has no direction
+        near = np.maximum(squared * kind(1 / distance_mm**2), kind(1e-6))
+        direct *= power_of(near, -(light.falloff + 1) / 2) * kind(1 / distance_mm)
     if lit is not None:
         direct *= lit
     direct += kind(light.ambient)
     if light.vignetting:
-        direct *= vignetted(light, points, cam_from_model)
+        direct *= power_of(np.minimum(off_axis, kind(1e12)) + 1, -light.vignetting / 2)
     return direct
-
-
-def vignetted(light: LensLight, points: np.ndarray, cam_from_model: np.ndarray) -> np.ndarray:
-    """``(N,)`` what vignetting leaves of the light of points (model frame, mm): the last factor of the law."""
-    x, y, z = (points @ row[:3].astype(points.dtype) + points.dtype.type(row[3]) for row in cam_from_model[:3])
-    squared = z * z
-    # of points beside the lens nothing is left
-    return power_of(np.maximum(squared / np.maximum(x * x + y * y + squared, 1e-12), 1e-12), light.vignetting / 2)
 
 
 def power_of(values: np.ndarray, exponent: float) -> np.ndarray:

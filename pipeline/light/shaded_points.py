@@ -11,7 +11,7 @@ from ..camera.pinhole import PinholeCamera
 from ..images.pixel_values import linear_from_codes, sample_bilinear
 from ..images.transfer import SRGB, Transfer
 from ..projection.visible_surface import central_point
-from ..projection.z_buffer import DepthRaster, first_met, rasterise_depth, seen_normals
+from ..projection.z_buffer import DepthRaster, rasterise_depth, reached_from, seen_normals
 from ..surface.mesh import TriangleMesh
 from ..transforms import inverse_rigid, transform_points
 from .lens_light import LensLight, shading, working_distance_mm
@@ -133,8 +133,7 @@ class ShadedPoints:
         lit = np.zeros(len(self.frame), bool)
         for number, pose in enumerate(self.poses):
             own = self.frame == number
-            part, _ = first_met(mesh, light.place_model(pose), self.points[own])
-            lit[own] = part > 1 - SHADOW_BIAS
+            lit[own] = reached_from(mesh, light.place_model(pose), self.points[own], SHADOW_BIAS)
         return lit
 
 

@@ -10,7 +10,7 @@ from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, rigid
 
 LEAST_COSINE = 0.3
-"""Between the axis of a camera in :func:`first_met` and what it looks at."""
+"""Between the axis of a camera in :func:`reached_from` and what it looks at."""
 
 
 class DepthRaster(NamedTuple):
@@ -47,11 +47,18 @@ def nearest_at_centres(points: np.ndarray, mesh: TriangleMesh, camera: PinholeCa
 
 
 def nearest_at(
-    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, uv: np.ndarray
+    mesh: TriangleMesh,
+    camera: PinholeCamera,
+    cam_from_model: np.ndarray,
+    uv: np.ndarray,
+    least: np.ndarray | float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same at ``(N, 2)`` points of the image: ``(N,)`` inverse depths, 1/mm, 0 for none, and faces, -1 for none."""
+    """The same at ``(N, 2)`` points of the image: ``(N,)`` inverse depths, 1/mm, 0 for none, and faces, -1 for none.
+
+    What has at most a least inverse depth ``(N,)`` is not met.
+    """
     points = projected(mesh, camera, cam_from_model)
-    return nearest_face.nearest_at_points(points, mesh.faces, uv, camera.width, camera.height)
+    return nearest_face.nearest_at_points(points, mesh.faces, uv, np.zeros(len(uv)) + least, *camera.size_wh)
 
 
 def projected(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
@@ -71,42 +78,41 @@ def seen_normals(
 
     Those of the vertices, interpolated, on the side that is seen.
     """
-    points, turned = projected(mesh, camera, cam_from_model), fronts(mesh, cam_from_model) == mesh.is_flipped
-    return lookup.shading_normals(mesh.smooth_normals, mesh.faces, turned, points, lookup.Met(uv, face, np.zeros(0)))
+    points, normals = projected(mesh, camera, cam_from_model), np.zeros((len(face), 3), np.float32)
+    lookup.interpolate(mesh.smooth_normals, mesh.faces, points, lookup.Met(uv, face, np.zeros(0)), face >= 0, normals)
+    length = np.sqrt(np.maximum(np.einsum("nk,nk->n", normals, normals), np.float32(1e-24)))
+    turned = (fronts(mesh, cam_from_model) == mesh.is_flipped)[face]
+    normals /= np.where(turned, -length, length)[:, None]
+    return normals
 
 
-def first_met(mesh: TriangleMesh, place: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What straight lines from a place ``(3,)`` to points ``(N, 3)`` meet first, all in the model frame, mm.
+def reached_from(
+    mesh: TriangleMesh, place: np.ndarray, points: np.ndarray, near: float, own: np.ndarray | None = None
+) -> np.ndarray:
+    """``(N,)`` bool: points ``(N, 3)`` that a place ``(3,)`` reaches by straight lines, all in the model frame, mm.
 
-    Returns
-    -------
-    ``(N,)`` the part of the way there, infinite if they meet nothing; ``(N,)`` the face, -1 for none.
+    In their way is any face, but for one's own ``(N,)`` and what is nearer to a point than this part of the way.
     """
-    part, face, left = np.full(len(points), np.inf), np.full(len(points), -1), np.arange(len(points))
+    own = np.full(len(points), -1, np.int32) if own is None else own
+    reached, left = np.ones(len(points), bool), np.arange(len(points))
     while len(left):
         # a camera at the place looks at the middle of them; those beside it get another one
-        others = points if len(left) == len(points) else points[left]
-        for axis in (others.mean(axis=0) - place, others[0] - place):
+        chosen = left if len(left) < len(points) else slice(None)
+        others, size = points[chosen], int(np.sqrt(len(left) / 2)) + 2
+        for axis in (others[:: len(others) // 1000 + 1].mean(axis=0) - place, others[0] - place):
             look = _looking_along(axis)
-            slopes, depth = lookup.seen_from(place, look, others, LEAST_COSINE)
+            uv, depth, focal, principal = lookup.seen_from(place, look, others, LEAST_COSINE, size)
             if depth[0] > 0:
                 break
         ahead = depth > 0
         if not ahead.any():
             break
-        own: slice | np.ndarray = slice(None)
-        if not ahead.all() or others is not points:
-            own, slopes, depth = left[ahead], slopes[ahead], depth[ahead]
-        low, high = (np.array([across(column) for column in slopes.T]) for across in (np.min, np.max))
-        side = int(np.sqrt(len(slopes))) + 1
-        focal = side / np.maximum(high - low, 1e-12)
-        slopes -= low
-        slopes *= focal
-        camera, pose = PinholeCamera(side + 1, side + 1, *focal, *(-focal * low)), rigid(look, -look @ place)
-        inverse_depth, face[own] = nearest_at(mesh, camera, pose, slopes)
-        part[own] = 1 / np.maximum(inverse_depth * depth, 1e-300)
+        camera, pose = PinholeCamera(size, size, *focal, *principal), rigid(look, -look @ place)
+        limit = np.divide(1 / (1 - near), depth, out=np.full(len(depth), np.inf), where=ahead)
+        face = nearest_at(mesh, camera, pose, uv, limit)[1]
+        reached[chosen] = (face < 0) | (face == own[chosen])
         left = left[~ahead]
-    return np.where(face >= 0, part, np.inf), face
+    return reached
 
 
 def _looking_along(axis: np.ndarray) -> np.ndarray:

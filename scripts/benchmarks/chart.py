@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--light", action="store_true", help="what the light at the lens costs and gives")
     parser.add_argument("--without-sample", action="store_true", help="leave the built-in sample case out")
     parser.add_argument("--rounds", metavar="N", type=int, default=2, help="alternating rounds (default %(default)s)")
-    parser.add_argument("--views", metavar="N", type=int, default=24, help="of a scene (default %(default)s)")
+    parser.add_argument("--views", metavar="N", type=int, default=96, help="of a scene (default %(default)s)")
     parser.add_argument(
         "--along", metavar="N", type=int, default=11,
         help="rays along a pixel's side of the reference, odd (default %(default)s)",

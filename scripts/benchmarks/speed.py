@@ -33,7 +33,7 @@ CONFIGURATIONS = (
     Configuration(colour="vertex"),
     Configuration(samples=8),
 )
-TIMED_VIEWS = 100
+TIMED_VIEWS = 200
 EXACT = ("cycles", "raster")
 """The engines whose views are exact."""
 QUICK = {"rounds": 1, "triangles": 20_000}

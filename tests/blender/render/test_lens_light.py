@@ -3,6 +3,7 @@
 from contextlib import ExitStack
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
@@ -160,14 +161,18 @@ def test_shadows_are_where_rays_say_and_the_frame_comes_back(
 
 @pytest.mark.parametrize("shadows", [False, True])
 def test_what_lies_in_the_lamps_shadow_colours_nothing_unseen(shadows, stepped_mesh, frontal_pose, lit_case):
-    """A grey step with a bright shadow, as walls throw light into it, is grey where the frame did not see it."""
+    """Grey steps whose shadow and edges are bright, of light between walls and a backdrop, are grey out of sight."""
     light = LensLight((-120.0, 60.0, 0.0), 0.3)
     loaded = lit_case(stepped_mesh, np.zeros((48, 64, 3), np.float32), frontal_pose, CAMERA, light=light)
     lens = lens_shading_of(loaded, shadows=True)
     looks = [ColouredSurface(stepped_mesh, light=each) for each in (lens, replace(lens, shadows=False))]
     with ExitStack() as opened:
         shadowed, lit = (opened.enter_context(opened_engine("raster", each, CAMERA))(frontal_pose) for each in looks)
-    image = np.where(shadowed.rgb < lit.rgb - 1e-4, np.float32(0.9), shadowed.rgb)
+    depth = shadowed.depth_mm.astype(np.float32)
+    edge = cv2.dilate(depth, np.ones((3, 3))) - cv2.erode(depth, np.ones((3, 3))) > 0.1 * depth.max()
+    assert edge.any()
+    bright = (shadowed.rgb < lit.rgb - 1e-4) | edge[..., None]
+    image = np.where(bright, np.float32(0.9), shadowed.rgb)
     seen = albedo_of(replace(loaded, frames=(replace(loaded.frame, image=image),)), shadows=shadows)
     np.testing.assert_allclose(unseen_colours_of(seen, "fill"), 0.5, atol=1e-3)
 

@@ -62,7 +62,7 @@ class ListedImage:
         """The image of a list's entry; ``where`` begins messages, ``folder`` is the list's."""
         check_keys(entry if isinstance(entry, dict) else {}, ("image",), ENTRY, f"{where}: ")
         image, named = entry["image"], entry.get(CAMERA, "")
-        if not (isinstance(image, str) and image and isinstance(named, str)) or "\0" in image:
+        if not (isinstance(image, str) and image and isinstance(named, str)):
             found = f"found image = {described(image)}, {CAMERA} = {described(named)}"
             raise InputError(f"{where}: expected the name of an image, and of a {CAMERA}'s file if any, {found}")
         return cls(folder / image, folder / named, read_camera(folder / named)) if named else cls(folder / image)
@@ -191,7 +191,8 @@ def frame_files(frames: Path) -> dict[str, Path]:
     """All that is read of a folder or a list of images, or of a video, by what it is."""
     if (images := listed_images(frames)) is None:
         return {"video": frames}
-    named = {f"image {each.path.name}": each.path for each in images}
+    # of a name that no file can have, none is there
+    named = {f"image {each.path.name}": each.path for each in images if each.path.exists()}
     return {"folder or list of the frames": file_and_place(frames)[0]} | named
 
 

@@ -74,11 +74,9 @@ def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
 def packets_of(container: InputContainer, stream: VideoStream) -> Iterator[Packet]:
     """Packets of a stream in the order of the file, of a damaged one those that can be read; the last one is empty."""
     for _ in range(_MOST_ERRORS):
-        try:
+        with suppress(av.FFmpegError):
             yield from container.demux(stream)
             return
-        except av.FFmpegError:
-            continue
 
 
 def frames_of(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int | None, VideoFrame | None]]:

@@ -143,7 +143,7 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
         deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
     if determinant < 0:
         raise InputError(
-            f"{where}: expected a rotation, found a reflection (determinant {determinant:.3f}); "
+            f"{where}: expected a rotation, found a reflection (determinant {determinant:.3g}); "
             "a mirrored axis convention, e.g. y up instead of y down, usually causes it"
         )
     # NaN, of numbers whose squares overflow, is not within it

@@ -7,6 +7,7 @@ found again when the case is opened or its pose comes back, and never taken for 
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import astuple, dataclass, field
 from functools import lru_cache
 from hashlib import sha256
@@ -193,12 +194,10 @@ def _poses_at(place: _Place, mesh_from_model: np.ndarray, reference: Callable[[]
         if place.file is None or known_stamp(place.file) == (0, 0):
             return None
         frames, own = {}, reference()
-        try:
+        # what is not of this version, or damaged, is registered anew
+        with suppress(InputError, KeyError, TypeError, ValueError):
             entries = parsed_json(read_content(place.file, "a list of poses", most=LARGEST_FILE), place.file.name)
             frames = registered_of(entries, mesh_from_model, own.mm_per_unit)
-        except (InputError, KeyError, TypeError, ValueError):
-            # not of this version, or damaged: registered anew
-            pass
         _known[key] = FilmPoses(own, place.file, frames)
     return _known[key] if _known[key].frames else None
 

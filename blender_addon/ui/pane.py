@@ -1,5 +1,6 @@
 """What draws over Blender's editors: classes that say when and what, drawn by one handler for each kind of editor."""
 
+from contextlib import suppress
 from functools import partial
 from typing import Any, Literal
 
@@ -50,11 +51,9 @@ def _draw(space: type[bpy.types.Space], place: str) -> None:
         if (pane.space, pane.place) != (space, place) or not pane.poll(context):
             continue
         strokes = Strokes()
-        try:
+        with suppress(InputError):
             pane.draw(context, strokes)
-        except InputError:
-            continue
-        strokes.draw()
+            strokes.draw()
 
 
 def _draw_at(pointer: tuple[int, int]) -> None:
@@ -65,12 +64,10 @@ def _draw_at(pointer: tuple[int, int]) -> None:
         if not pane.poll(context):
             continue
         strokes = Strokes()
-        try:
+        with suppress(InputError):
             pane.draw(context, strokes, pointer)
-        except InputError:
-            continue
-        with in_window_pixels():
-            strokes.draw()
+            with in_window_pixels():
+                strokes.draw()
 
 
 def _panes_of(space: Any, place: str) -> Part:

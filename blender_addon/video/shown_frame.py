@@ -4,6 +4,7 @@ As long as there is no K, no camera shows it: then it is drawn in the free part 
 """
 
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -68,13 +69,10 @@ def restore(scene: bpy.types.Scene) -> None:
     camera_object = from_scene.present_camera(scene)
     if camera_object is None or not is_shown(scene):
         return
-    try:
+    with suppress(InputError, RuntimeError):  # its file has moved: the panel View reports it
         if scene.oneframe.frame_path:
             to_scene.show_frame(scene)
             return
-    except (InputError, RuntimeError):
-        # its file has moved: the panel View reports it
-        pass
     camera_object.data.background_images[0].image = None
 
 

@@ -51,7 +51,3 @@ class ONEFRAME_PT_view(AlignmentPanel, AdvancedPanel):
         draw_key(row, "oneframe.zoom_frame", to_pixels=True)
         row.operator("oneframe.fit_frame", text="Fit")
         draw_key(row, "oneframe.fit_frame")
-        column = layout.column(align=True)
-        column.enabled = False
-        column.label(text="Wheel: Zoom to Pointer")
-        column.label(text="Shift + Middle Button: Pan")

@@ -32,16 +32,12 @@ class Arguments:
 def run(arguments: Arguments) -> None:
     """Write the page and report its size."""
     from ..dataset.check.check_dataset import check_dataset
-    from ..dataset.layout import RECORD, advice_without_record, check_no_pack
+    from ..dataset.layout import RECORD, check_is_dataset
     from ..files.outputs import check_outputs, write_output
     from ..report.dataset_page import dataset_page
 
     root, out = arguments.folder, arguments.out
-    check_no_pack(root)
-    if not (root / RECORD).is_file():
-        raise InputError(
-            f"{root}: expected the folder of a dataset, found no {RECORD} in it; {advice_without_record(root)}"
-        )
+    check_is_dataset(root)
     check_outputs([out], {"description": root / RECORD})
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{out}: expected the name of a page, *.html, found {out.name!r}; choose another name")

@@ -161,12 +161,16 @@ def own_folders(root: Path) -> Iterator[tuple[str, Path]]:
                 yield f"{SPLIT}/{scene.name}/{kind}/", scene / kind
 
 
-def check_no_pack(folder: Path) -> None:
-    """Raise InputError if a folder that should hold a dataset holds a pack."""
+def check_is_dataset(folder: Path, *, has_views: bool = False) -> None:
+    """Raise InputError if a folder holds a pack, or no dataset: no :data:`RECORD`, and no views either."""
     if (folder / MANIFEST).is_file():
         raise InputError(
             f"{folder}: expected the folder of a dataset, found that of a pack ({MANIFEST}); give the dataset that was "
             f"packed, or check the pack: oneframe pack --out {folder} --verify"
+        )
+    if not has_views and not (folder / RECORD).exists():
+        raise InputError(
+            f"{folder}: expected the folder of a dataset, found no {RECORD} in it; {advice_without_record(folder)}"
         )
 
 

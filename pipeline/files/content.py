@@ -190,12 +190,10 @@ def decoded(data: bytes) -> str | None:
     """The text of a file in UTF-8, UTF-16 or, as spreadsheets save it, Windows-1252; ``None`` if it is no text."""
     encodings = ("utf-16",) if data.startswith((b"\xff\xfe", b"\xfe\xff")) else ("utf-8-sig", "cp1252")
     for encoding in encodings:
-        try:
+        with suppress(UnicodeDecodeError):
             text = data.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        # of 256 bytes Windows-1252 lacks five: control characters tell data from text
-        return None if "\0" in text or (encoding == "cp1252" and _CONTROLS.search(text)) else text
+            # of 256 bytes Windows-1252 lacks five: control characters tell data from text
+            return None if "\0" in text or (encoding == "cp1252" and _CONTROLS.search(text)) else text
     return None
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..dataset.checksums import Checksums, damaged_file, read_checksums
 from ..dataset.dataset_file import Description, read_description
-from ..dataset.layout import CHECKSUMS, RECORD, VIEWS_PER_SCENE, advice_without_record, check_no_pack
+from ..dataset.layout import CHECKSUMS, RECORD, VIEWS_PER_SCENE, check_is_dataset
 from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..files.content import read_content
@@ -46,11 +46,7 @@ class WholeDataset:
 
 def open_whole_dataset(root: Path) -> WholeDataset:
     """Open the folder of a complete dataset, whose files beside the views are those that the run has written."""
-    check_no_pack(root)
-    if not (root / RECORD).is_file():
-        raise InputError(
-            f"{root}: expected the folder of a dataset, found no {RECORD} in it; {advice_without_record(root)}"
-        )
+    check_is_dataset(root)
     description = read_description(root / RECORD)
     missing = unrecorded_views(root, description.count)
     if missing:

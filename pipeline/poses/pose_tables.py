@@ -4,6 +4,7 @@ BOP's ``scene_gt.json`` and ``scene_camera.json``, and COLMAP's ``images.txt`` b
 its ``image`` and ``camera`` relative to the table, and :data:`POSE_KEY`.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -49,9 +50,10 @@ def scene_entries(scene: Mapping[str, Any], path: Path, place: str) -> list[dict
                 f"{path.name}: image {image[:20]}: expected obj_id, cam_R_m2c and cam_t_m2c of each object, as in BOP"
             ) from None
         if len(poses) > 1:
+            which = f"write which after #: {path.name}#/OBJECT of all images, {path.name}#{image}/OBJECT of one"
             raise InputError(
-                f"{path.name}: image {image}: expected one object, found {len(poses)}; write which after #: "
-                f"{path.name}#/OBJECT of all images, {path.name}#{image}/OBJECT of one"
+                f"{path.name}: image {image}: expected one object, found {len(poses)}; "
+                f"{'keep one of them, as both have this number' if wanted else which}"
             )
         entry = {"image": next((each for each in named if (path.parent / each).is_file()), named[0])}
         entry |= {"camera": f"{CAMERAS}#{image}"} if (path.parent / CAMERAS).is_file() else {}
@@ -73,11 +75,13 @@ def colmap_entries(lines: Sequence[str], path: Path, place: str) -> list[dict[st
     for line in lines[::2]:
         words = line.strip().split(maxsplit=9)
         numbers = number_rows(" ".join(words[1:8]))
-        if len(words) != 10 or numbers is None or len(numbers) != 7 or not np.linalg.norm(numbers[:4]) > 0:
+        length = 0.0 if numbers is None or len(numbers) != 7 else math.hypot(*numbers[:4])
+        if len(words) != 10 or numbers is None or not 0.99 < length < 1.01:
             raise InputError(
-                f"{path.name}: expected ten words in each image's line, as COLMAP writes them; export it again"
+                f"{path.name}: expected ten words in each image's line, of them a quaternion of length 1, as COLMAP "
+                "writes them; export it again"
             )
-        real, *axis = numbers[:4] / np.linalg.norm(numbers[:4])
+        real, *axis = numbers[:4] / length
         cross = cross_matrices(np.array(axis))
         pose = rigid(np.eye(3) + 2 * real * cross + 2 * cross @ cross, numbers[4:7])
         if place in ("", words[9]):

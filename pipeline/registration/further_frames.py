@@ -191,7 +191,8 @@ def frame_files(frames: Path) -> dict[str, Path]:
     """All that is read of a folder or a list of images, or of a video, by what it is."""
     if (images := listed_images(frames)) is None:
         return {"video": frames}
-    named = {f"image {each.path.name}": each.path for each in images}
+    # of a name that no file can have, none is there
+    named = {f"image {each.path.name}": each.path for each in images if each.path.exists()}
     return {"folder or list of the frames": file_and_place(frames)[0]} | named
 
 

@@ -74,34 +74,32 @@ def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
 def packets_of(container: InputContainer, stream: VideoStream) -> Iterator[Packet]:
     """Packets of a stream in the order of the file, of a damaged one those that can be read; the last one is empty."""
     for _ in range(_MOST_ERRORS):
-        try:
+        with suppress(av.FFmpegError):
             yield from container.demux(stream)
             return
-        except av.FFmpegError:
-            continue
 
 
-def frames_of(container: InputContainer, stream: VideoStream) -> Iterator[VideoFrame]:
-    """Frames in display order, without those that cannot be decoded or of which the decoder complains.
+def frames_of(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int | None, VideoFrame | None]]:
+    """Times and frames in display order; ``None`` for one that cannot be decoded or of which the decoder complains.
 
-    What follows one of these is left out up to the next key frame: FFmpeg makes it up from other pictures.
+    So is what follows one of these up to the next key frame: FFmpeg makes it up from other pictures.
     """
     # some decoders, FFV1's with its checksums for one, tell damage in words alone
     av.logging.set_level(av.logging.ERROR)
     av.logging.set_skip_repeated(False)
-    is_whole, damaged = True, set[int]()
+    is_whole, damaged = True, set[int | None]()
     for packet in packets_of(container, stream):
         frames: list[VideoFrame] | None = None
         with av.logging.Capture() as complaints, suppress(av.FFmpegError):
             frames = packet.decode()
         if frames is None or complaints:
             is_whole = False
-            if packet.pts is not None:
-                damaged.add(packet.pts)
+            damaged.add(packet.pts)
+            if not frames:
+                yield packet.pts, None
         for frame in frames or ():
             is_whole = (is_whole or frame.key_frame) and not frame.is_corrupt and frame.pts not in damaged
-            if is_whole:
-                yield frame
+            yield frame.pts, frame if is_whole else None
 
 
 def _shown_stream(container: InputContainer, path: Path) -> VideoStream:

@@ -1,17 +1,18 @@
 """Decodes a film, or a part of it, frame by frame, in the child process of the reader. Needs ``av`` and ``cv2``.
 
 Frames are counted from 0 as a player shows them: in display order, without those that an edit list hides and those
-before the first one that can be decoded. Frame counts and seeking of containers are unreliable, so neither is trusted.
-The times of all packets are read, without decoding, which takes milliseconds; a packet is a frame as far as the first
-decoded ones bear that out, else all are decoded to learn their times. After a seek a frame's own time says which it is.
-Where packets have no times of their own, as in AVI with B-frames, frames are decoded from the beginning and counted.
+before the first one that can be decoded. Counts and seeking of containers are unreliable, so neither is trusted.
+The times of all packets are read, without decoding; a packet is a frame as far as the first decoded ones bear that out,
+else all are decoded to learn their times. After a seek a frame's own time says which it is. Where packets have no times
+of their own, as in AVI with B-frames, frames are decoded from the beginning and counted, up to a damaged one.
 """
 
 import json
 from bisect import bisect_left
 from collections.abc import Generator, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import dropwhile, islice, pairwise
 from pathlib import Path
 
 import av
@@ -168,18 +169,16 @@ class _Survey:
     def _sought(
         self, container: InputContainer, stream: VideoStream, first: int, lead_s: float
     ) -> Iterator[tuple[int, VideoFrame]]:
-        try:
+        with suppress(av.FFmpegError):  # then from the beginning
             container.seek(list(self.numbers)[first] - round(lead_s / stream.time_base), stream=stream)
-        except av.FFmpegError:
-            return
         yield from self._numbered(frames_of(container, stream))
 
-    def _numbered(self, frames: Iterator[VideoFrame]) -> Iterator[tuple[int, VideoFrame]]:
-        if not self.numbers:
-            yield from zip(range(len(self.times_s)), frames, strict=False)
-            return
-        for frame in frames:
-            if (number := self.numbers.get(frame.pts)) is not None:
+    def _numbered(self, frames: Iterator[tuple[int | None, VideoFrame | None]]) -> Iterator[tuple[int, VideoFrame]]:
+        for counted, (time, frame) in enumerate(frames):
+            if frame is None and not self.numbers:
+                return  # nobody knows how many are lost
+            number = counted if time is None or not self.numbers else self.numbers.get(time)
+            if frame is not None and number is not None:
                 yield number, frame
 
 
@@ -221,17 +220,18 @@ def _times_of_frames(path: Path, of_packets: list[int]) -> Generator[bytes, None
     if not of_packets:
         return []
     with opened(path) as (container, stream):
-        first = [frame.pts for frame in islice(frames_of(container, stream), _FIRST)]
+        first = [*islice(dropwhile(lambda each: each[1] is None, frames_of(container, stream)), _FIRST)]
     if not first:
         return of_packets
-    begin = bisect_left(of_packets, first[0])
-    if of_packets[begin : begin + len(first)] == first:
+    begin = bisect_left(of_packets, first[0][0] or 0)
+    as_packets = of_packets[begin : begin + len(first)] == [time for time, _ in first]
+    if as_packets or any(frame is None for _, frame in first):
         return of_packets[begin:]
     # some packets are no frames of their own: hidden ones, or single fields
     times = []
     with opened(path) as (container, stream):
-        for number, frame in enumerate(frames_of(container, stream)):
-            times.append(frame.pts)
+        for number, (time, frame) in enumerate(frames_of(container, stream)):
+            times += [] if frame is None else [time]
             if number % _ALIVE == 0:
                 yield b""
     return _in_order(times)

@@ -244,11 +244,16 @@ def test_tables_of_bop_and_colmap_give_the_same_photographs(tmp_path):
         np.testing.assert_allclose(read_pose(tmp_path / name)[0], poses[1], atol=1e-9)
     assert listed_poses(tmp_path / "scene_camera.json#2")[0]["camera"] == "scene_camera.json#2"
     (tmp_path / "short.txt").write_text("\n".join(line for line in lines if line))
+    (tmp_path / "long.txt").write_text(f"1 1e308 {' '.join(lines[1].split()[2:])}")
+    scene["1"] *= 2
+    (tmp_path / "twice.json").write_text(json.dumps(scene))
     for name, message in (
         ("scene_gt.json", "image 0: expected one object, found 2; write which after #: scene_gt.json#/OBJECT"),
         ("scene_gt.json#1/7", "image or object that # names, found none"),
         ("images.txt#image 1.png", "expected --units mm or m"),
         ("short.txt", "expected two lines for each image"),
+        ("long.txt", "expected ten words in each image's line"),
+        ("twice.json#1/5", "image 1: expected one object, found 2; keep one of them"),
     ):
         with pytest.raises(InputError, match=message):
             read_pose(tmp_path / name, mm_per_unit=None)

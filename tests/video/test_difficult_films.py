@@ -61,15 +61,16 @@ def test_what_an_edit_list_hides_is_no_frame(tmp_path, suffix):
             read_video_frame(path, index)
 
 
-@pytest.mark.parametrize(("name", "codec"), [("a.mov", "libx264"), ("a.avi", "mpeg4")])
-def test_no_picture_is_made_up_after_a_damaged_one(tmp_path, name, codec, rng):
+@pytest.mark.parametrize(("name", "codec", "least"), [("a.mov", "libx264", 40), ("a.avi", "mpeg4", 1)])
+def test_no_picture_is_made_up_after_a_damaged_one(tmp_path, name, codec, least, rng):
+    """Those that are left keep their numbers; where frames are counted, as in AVI, none is left."""
     whole = write_frames(tmp_path / name, 80, codec, **B_FRAMES).read_bytes()
-    for place in rng.integers(len(whole) // 5, len(whole) * 4 // 5, 6):
+    for place in rng.integers(len(whole) // 20, len(whole) * 4 // 5, 8):
         damage = rng.integers(0, 256, 60, np.uint8).tobytes()
         (tmp_path / name).write_bytes(whole[:place] + damage + whole[place + 60 :])
-        shown = [number_of(frame.image) for frame in frames_of(tmp_path / name)]
-        assert shown == sorted(set(shown))
-        assert len(shown) > 40
+        frames = frames_of(tmp_path / name)
+        assert [frame.index for frame in frames] == [number_of(frame.image) for frame in frames]
+        assert len(frames) >= least
 
 
 def test_what_only_the_decoder_s_words_tell_is_heard(tmp_path):

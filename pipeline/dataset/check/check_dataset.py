@@ -27,8 +27,7 @@ from ..layout import (
     SPLIT,
     WORK,
     ViewPaths,
-    advice_without_record,
-    check_no_pack,
+    check_is_dataset,
     evenly_spaced,
 )
 from ..model_file import read_model
@@ -116,12 +115,8 @@ def check_dataset(
         Stream for the progress.
     """
     root = Path(root)
-    check_no_pack(root)
     has_views = (root / SPLIT).is_dir() and not (root.parent / CASES).is_dir()
-    if not (root / RECORD).exists() and not has_views:
-        raise InputError(
-            f"{root}: expected the folder of a dataset, found no {RECORD} in it; {advice_without_record(root)}"
-        )
+    check_is_dataset(root, has_views=has_views)
     findings = Findings(root)
     try:
         description = read_description(root / RECORD)

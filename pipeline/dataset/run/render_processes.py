@@ -190,11 +190,9 @@ class WorkerPool:
         """Views for the parent process, until none is left and no worker holds one; ``None`` now and then meanwhile."""
         while True:
             self._check()
-            try:
+            with suppress(IndexError):
                 yield self._views.popleft()
                 continue
-            except IndexError:
-                pass
             for thread in self._threads:
                 while thread.is_alive():
                     yield None

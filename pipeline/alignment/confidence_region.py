@@ -22,6 +22,8 @@ def f_survival(value: float, numerator_dof: int, denominator_dof: float) -> floa
     """Probability that F(numerator_dof, denominator_dof) exceeds a value >= 0; ``numerator_dof`` is even."""
     if not math.isfinite(value):
         return 0.0
+    if math.isinf(denominator_dof):
+        return pooled_survival(value, numerator_dof, 0, 1)
     scaled, half = numerator_dof * value, denominator_dof / 2
     fraction = scaled / (scaled + denominator_dof)
     term = total = 1.0

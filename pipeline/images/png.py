@@ -14,9 +14,9 @@ from .image_check import PNG_SIGNATURE
 
 try:
     import isal
-    from isal.isal_zlib import compress
+    from isal.isal_zlib import compressobj
 except ImportError:
-    compress, DEFLATE = zlib.compress, f"zlib {zlib.ZLIB_RUNTIME_VERSION}"
+    compressobj, DEFLATE = zlib.compressobj, f"zlib {zlib.ZLIB_RUNTIME_VERSION}"
 else:
     _MACHINE = platform.machine().lower()
     DEFLATE = f"isal {isal.__version__} {dict(amd64='x86_64', aarch64='arm64').get(_MACHINE, _MACHINE)}"
@@ -41,8 +41,16 @@ def encode_png(image: np.ndarray) -> bytes:
     filtered[0, 1:] = rows[0]
     np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])
     header = struct.pack(">IIBBBBB", width, height, image.dtype.itemsize * 8, _COLOUR_TYPES[channels], 0, 0, 0)
-    data = compress(filtered.data, 1)
+    data = _deflated(filtered.data.cast("B"))
     return PNG_SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")
+
+
+def _deflated(content: memoryview) -> bytes:
+    # isal's loop hashes what follows the first byte by a register that nobody has set: the address of the stream.
+    # Behind a byte that is flushed that does not happen
+    stream = compressobj(1)
+    parts = stream.compress(content[:1]), stream.flush(zlib.Z_SYNC_FLUSH), stream.compress(content[1:]), stream.flush()
+    return b"".join(parts)
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:

@@ -1,6 +1,7 @@
 """PNG files: others read what is written; damaged ones are refused."""
 
 from pathlib import Path
+from threading import Barrier, Thread
 
 import cv2
 import numpy as np
@@ -58,3 +59,20 @@ def test_a_png_file_with_any_byte_changed_or_lost_is_refused(scratch, image, dat
         scratch.write_bytes(damaged)
         with pytest.raises(InputError, match=r"^image: expected"):
             check_image_file(scratch, "image")
+
+
+def test_the_bytes_of_a_png_file_depend_on_no_address():
+    image, found, together = np.zeros((4, 9), np.uint8), set(), Barrier(256)
+
+    def encode() -> None:
+        # all at once, so that each has a stack of its own
+        together.wait()
+        found.add(encode_png(image))
+        together.wait()
+
+    threads = [Thread(target=encode) for _ in range(together.parties)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 1

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
+from oneframe.alignment.confidence_region import f_quantile
 from oneframe.alignment.levenberg_marquardt import fit_poses
 from oneframe.alignment.pose_uncertainty import PoseUncertainty
 from oneframe.alignment.reprojection import Correspondences, Poses, apply_twist, twist_between
@@ -127,6 +128,16 @@ def test_a_frame_is_registered_from_nothing(registrar, mesh, tilt, roll, nearer)
     assert rotation_angle_deg(found.cam_from_model[:3, :3] @ true[:3, :3].T) < 0.3
     assert np.linalg.norm(found.cam_from_model[:3, 3] - true[:3, 3]) < 1.5
     assert np.linalg.eigvalsh(found.uncertainty.covariance)[0] > 0
+
+
+def test_the_covariance_holds_the_truth_under_motion_blur(registrar, mesh):
+    distances = []
+    for number in range(12):
+        true = seen_from(-30 + 5 * number, 30 * number)
+        shaken = cv2.blur(photograph(mesh, true), (21, 1) if number % 2 else (1, 21))
+        found = found_in(registrar, codes(shaken), true)
+        distances.append(found.uncertainty.distance(true, found.cam_from_model))
+    assert np.count_nonzero(np.array(distances) < f_quantile(0.95, 6, np.inf)) >= 11
 
 
 @pytest.mark.parametrize("kind", ["mirrored", "another", "blurred", "masked", "grey"])

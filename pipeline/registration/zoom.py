@@ -52,7 +52,6 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     camera, pose, zoom = fit.camera, fit.cam_from_model, 0.0
     used = fit.returning(FITTED)
     points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, fit.pixels))
-    sigma = np.inf
     shared = shared_covariance(zoom_jacobian_at(points, camera, pose, pivot_model), pixels)
     for _ in range(STEPS):
         zoomed = camera.zoomed(np.exp(zoom))

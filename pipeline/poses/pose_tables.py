@@ -69,7 +69,7 @@ def is_colmap(lines: Sequence[str]) -> bool:
 
 def colmap_entries(lines: Sequence[str], path: Path, place: str) -> list[dict[str, Any]]:
     """Entries of ``images.txt``, in which ``place`` is an image's name; empty for all."""
-    if any(len(points.split()) % 3 for points in lines[1::2]):
+    if any(len(points.split()) % 3 or is_colmap([points]) for points in lines[1::2]):
         raise InputError(f"{path.name}: expected two lines for each image, as COLMAP writes them; export it again")
     entries = []
     for line in lines[::2]:

@@ -99,8 +99,8 @@ OFFSET, SLOPE = -10.6, 5.46
 """Logistic regression of the 389 poses on log(1 + agreeing blocks)."""
 BLURRED = 1.2
 """Factor of the standard deviations of a pose, over the share of its pixels whose flow comes back: the less of them do,
-the more do the others err together. Without it 2 of 10 poses were in the 95 % region under motion blur, 4 of 10 in a
-real endoscopy; with it 9. Probabilities go by those before, with which they were calibrated."""
+the more do the others err together. With it the 95 % region has 9 of 10 poses of a real endoscopy, without it 4.
+Probabilities were calibrated without it."""
 WITHIN_DEG, WITHIN_SHARE, WITHIN_PX = 2.0, 0.02, 5.0
 """What a right pose is within: rotation, share of the distance, and mean place in the image."""
 LEAST_ACCEPTED, LEAST_DOUBTFUL = 0.97, 0.5

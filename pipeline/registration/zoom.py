@@ -52,7 +52,6 @@ def zoom_of(fit: FlowFit, pivot_model: np.ndarray) -> Zoom:
     camera, pose, zoom = fit.camera, fit.cam_from_model, 0.0
     used = fit.returning(FITTED)
     points, moved, pixels = (each[used] for each in (fit.points_model, fit.moved, fit.pixels))
-    sigma = np.inf
     shared = shared_covariance(zoom_jacobian_at(points, camera, pose, pivot_model), pixels)
     for _ in range(STEPS):
         zoomed = camera.zoomed(np.exp(zoom))
@@ -69,7 +68,6 @@ def at_same_focal_length(zooms: Sequence[Zoom]) -> tuple[np.ndarray, np.ndarray]
     """Probability of each frame of a set, in their order, to be within 2 % of the aligned one's focal length, ``(N,)``.
 
     And ``(N,)`` how far it may be from it, as the standard deviation of the logarithm: by its own estimate.
-
     A mixture: most frames are at that focal length, but what is not exact in the case shifts their estimates; how far
     shows in their scatter. The others are zoomed; how many they are shows too (expectation maximisation).
     """

@@ -82,24 +82,27 @@ def packets_of(container: InputContainer, stream: VideoStream) -> Iterator[Packe
 def frames_of(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int | None, VideoFrame | None]]:
     """Times and frames in display order; ``None`` for one that cannot be decoded or of which the decoder complains.
 
-    So is what follows one of these up to the next key frame: FFmpeg makes it up from other pictures.
+    So is what follows one of these up to the next key frame: FFmpeg makes it up from other pictures. Before the first
+    key frame there are whole ones alone.
     """
     # some decoders, FFV1's with its checksums for one, tell damage in words alone
     av.logging.set_level(av.logging.ERROR)
     av.logging.set_skip_repeated(False)
-    is_whole, damaged = True, set[int | None]()
+    is_whole, has_begun, damaged = True, False, set[int | None]()
     for packet in packets_of(container, stream):
         frames: list[VideoFrame] | None = None
         with av.logging.Capture() as complaints, suppress(av.FFmpegError):
             frames = packet.decode()
+        has_begun = has_begun or packet.is_keyframe
         if frames is None or complaints:
             is_whole = False
             damaged.add(packet.pts)
-            if not frames:
+            if has_begun and not frames:
                 yield packet.pts, None
         for frame in frames or ():
             is_whole = (is_whole or frame.key_frame) and not frame.is_corrupt and frame.pts not in damaged
-            yield frame.pts, frame if is_whole else None
+            if is_whole or has_begun:
+                yield frame.pts, frame if is_whole else None
 
 
 def _shown_stream(container: InputContainer, path: Path) -> VideoStream:

@@ -1,7 +1,7 @@
 """Decodes a film, or a part of it, frame by frame, in the child process of the reader. Needs ``av`` and ``cv2``.
 
 Frames are counted from 0 as a player shows them: in display order, without those that an edit list hides and those
-before the first one that can be decoded. Counts and seeking of containers are unreliable, so neither is trusted.
+before the first key frame. Counts and seeking of containers are unreliable, so neither is trusted.
 The times of all packets are read, without decoding; a packet is a frame as far as the first decoded ones bear that out,
 else all are decoded to learn their times. After a seek a frame's own time says which it is. Where packets have no times
 of their own, as in AVI with B-frames, frames are decoded from the beginning and counted, up to a damaged one.
@@ -12,7 +12,7 @@ from bisect import bisect_left
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import dropwhile, islice, pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 
 import av
@@ -220,10 +220,10 @@ def _times_of_frames(path: Path, of_packets: list[int]) -> Generator[bytes, None
     if not of_packets:
         return []
     with opened(path) as (container, stream):
-        first = [*islice(dropwhile(lambda each: each[1] is None, frames_of(container, stream)), _FIRST)]
+        first = [*islice(frames_of(container, stream), _FIRST)]
     if not first:
         return of_packets
-    begin = bisect_left(of_packets, first[0][0] or 0)
+    begin = bisect_left(of_packets, min(time or 0 for time, _ in first))
     as_packets = of_packets[begin : begin + len(first)] == [time for time, _ in first]
     if as_packets or any(frame is None for _, frame in first):
         return of_packets[begin:]
@@ -244,6 +244,5 @@ def _in_order(times: Sequence[int | None]) -> list[int]:
 
 
 def _small_size(width_px: int, height_px: int, width: int) -> tuple[int, int]:
-    if width_px <= width:
-        return width_px, height_px
-    return width, max(1, round(height_px * width / width_px))
+    small_px = min(width, width_px)
+    return small_px, max(1, round(height_px * small_px / width_px))

@@ -230,7 +230,7 @@ def test_tables_of_bop_and_colmap_give_the_same_photographs(tmp_path):
         half = np.linalg.norm(vector) / 2
         quaternion = [np.cos(half), *(np.sin(half) / (2 * half) * vector)]
         lines += [
-            f"{number + 1} {' '.join(map(repr, map(float, [*quaternion, *pose[:3, 3]])))} 1 image {number}.png",
+            f"{number + 1} {' '.join(map(repr, map(float, [*quaternion, *pose[:3, 3]])))} 1 an image {number}.png",
             "",
         ]
     for name, content in (("scene_gt", scene), ("scene_camera", cameras)):
@@ -240,7 +240,7 @@ def test_tables_of_bop_and_colmap_give_the_same_photographs(tmp_path):
         read, messages = read_poses(tmp_path / name, mesh_from_model=np.eye(4))
         np.testing.assert_allclose(read, poses, atol=1e-9)
         assert messages == []
-    for name in ("scene_gt.json#1", "scene_gt.json#1/5", "images.txt#image 1.png"):
+    for name in ("scene_gt.json#1", "scene_gt.json#1/5", "images.txt#an image 1.png"):
         np.testing.assert_allclose(read_pose(tmp_path / name)[0], poses[1], atol=1e-9)
     assert listed_poses(tmp_path / "scene_camera.json#2")[0]["camera"] == "scene_camera.json#2"
     (tmp_path / "short.txt").write_text("\n".join(line for line in lines if line))
@@ -250,7 +250,7 @@ def test_tables_of_bop_and_colmap_give_the_same_photographs(tmp_path):
     for name, message in (
         ("scene_gt.json", "image 0: expected one object, found 2; write which after #: scene_gt.json#/OBJECT"),
         ("scene_gt.json#1/7", "image or object that # names, found none"),
-        ("images.txt#image 1.png", "expected --units mm or m"),
+        ("images.txt#an image 1.png", "expected --units mm or m"),
         ("short.txt", "expected two lines for each image"),
         ("long.txt", "expected ten words in each image's line"),
         ("twice.json#1/5", "image 1: expected one object, found 2; keep one of them"),

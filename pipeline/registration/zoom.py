@@ -68,7 +68,6 @@ def at_same_focal_length(zooms: Sequence[Zoom]) -> tuple[np.ndarray, np.ndarray]
     """Probability of each frame of a set, in their order, to be within 2 % of the aligned one's focal length, ``(N,)``.
 
     And ``(N,)`` how far it may be from it, as the standard deviation of the logarithm: by its own estimate.
-
     A mixture: most frames are at that focal length, but what is not exact in the case shifts their estimates; how far
     shows in their scatter. The others are zoomed; how many they are shows too (expectation maximisation).
     """

@@ -137,15 +137,13 @@ def _checked_png(data: bytes) -> tuple[int, int, int]:
     while kind != b"IEND":
         size = int.from_bytes(data[position : position + 4], "big")
         kind, body = data[position + 4 : position + 8], view[position + 8 : position + 8 + size]
-        if len(data) < position + 12 + size:
+        position += 12 + size
+        if len(data) < position:
             raise ValueError("the file is cut off")
-        if zlib.crc32(body, zlib.crc32(kind)) != int.from_bytes(
-            data[position + 8 + size : position + 12 + size], "big"
-        ):
+        if zlib.crc32(body, zlib.crc32(kind)) != int.from_bytes(data[position - 4 : position], "big"):
             raise ValueError("the file is damaged")
         if kind != b"IDAT":
             chunks.setdefault(kind, bytes(body))
-        position += 12 + size
     for chunk, reason in ((b"acTL", "it is an animation"), (b"tRNS", "one of its colours stands for transparent")):
         if chunk in chunks:
             raise ValueError(f"{reason}, which programs read in different ways")

@@ -92,8 +92,7 @@ class LayerStack:
     @classmethod
     def of(cls, surface: SurfaceLayer, layers: Sequence[Layer]) -> "LayerStack":
         """Stack layers."""
-        surface_depth_mm = surface.depth_mm
-        shape = surface_depth_mm.shape[:2]
+        shape = surface.depth_mm.shape[:2]
         filled = [layer for layer in layers if layer.depth_mm.size]
         x0, y0 = (min((layer.corner[axis] for layer in filled), default=0) for axis in (0, 1))
         x1, y1 = (
@@ -108,7 +107,7 @@ class LayerStack:
             nearer = (layer.depth_mm > 0) & (layer.depth_mm < nearest[part])
             number[part][nearer] = index
             nearest[part][nearer] = layer.depth_mm[nearer]
-        covered = surface_depth_mm[y0:y1, x0:x1]
+        covered = surface.depth_mm[y0:y1, x0:x1]
         # without surface nothing is hidden
         below = np.where(covered > 0, nearest - covered, 0).astype(np.float32)
         below[number < 0] = 0
@@ -128,10 +127,8 @@ class LayerStack:
         """How much of the structure with this number is seen."""
         below = self.below_mm[self.number == number]
         hidden = below[below > 0]
-        return Seen(
-            len(below) - len(hidden), len(hidden), float(hidden.min(initial=np.inf)) if len(hidden) else 0.0,
-            float(hidden.max(initial=0.0)),
-        )  # fmt: skip
+        shallowest_mm = float(hidden.min()) if len(hidden) else 0.0
+        return Seen(len(below) - len(hidden), len(hidden), shallowest_mm, float(hidden.max(initial=0.0)))
 
     @property
     def median_depth_mm(self) -> float | None:

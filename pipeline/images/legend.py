@@ -144,7 +144,9 @@ def _legend(entries: Sequence[Entry], bar: ScaleBar | None, write: Write, size: 
     if entries:
         second = max(note.shape[1] for note in [*notes, write(WIDEST_NOTE, size)])
         widths += [swatch + first + second + 2 * gap, zero.shape[1] + ramp + deepest.shape[1] + 2 * gap]
-    panel = _panel((len(entries) + bool(entries) + 1) * line + 2 * thick + 2 * gap, max(widths) + 2 * gap)
+    height = (len(entries) + bool(entries) + 1) * line + 2 * thick + 2 * gap
+    panel = np.zeros((height, max(widths) + 2 * gap, 4), np.float32)
+    panel[..., 3] = PANEL_OPACITY
     top = gap
     for entry, name, note in zip(entries, names, notes, strict=True):
         _swatch(panel[top : top + line, gap : gap + swatch], entry, size)
@@ -179,12 +181,6 @@ def _swatch(panel: np.ndarray, entry: Entry, size: float) -> None:
         line = (np.arange(width) % (width / 3) < width / 5).astype(float)
     for row in (margin, height - margin - thick):
         _ink(panel, np.repeat(line[None], thick, axis=0), 0, row, entry.colour)
-
-
-def _panel(height: int, width: int) -> np.ndarray:
-    panel = np.zeros((height, width, 4), np.float32)
-    panel[..., 3] = PANEL_OPACITY
-    return panel
 
 
 def _ink(panel: np.ndarray, mask: np.ndarray, left: int, top: int, colour: Colour) -> None:

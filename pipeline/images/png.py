@@ -19,7 +19,7 @@ try:
     import isal
     from isal.isal_zlib import compressobj
 except ImportError:
-    compressobj, DEFLATE = zlib.compressobj, f"zlib {zlib.ZLIB_RUNTIME_VERSION}"
+    compressobj, DEFLATE = zlib.compressobj, f"zlib {zlib.ZLIB_RUNTIME_VERSION}"  # type: ignore[assignment]
 else:
     _MACHINE = platform.machine().lower()
     DEFLATE = f"isal {isal.__version__} {dict(amd64='x86_64', aarch64='arm64').get(_MACHINE, _MACHINE)}"

@@ -7,14 +7,11 @@ on, of one architecture. A stock Blender has zlib alone.
 import platform
 import struct
 import zlib
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from .image_check import PNG_SIGNATURE
 
-compressobj: Callable[[int], Any]
 try:
     import isal
     from isal.isal_zlib import compressobj

@@ -157,7 +157,7 @@ def grey_codes(image: np.ndarray) -> np.ndarray:
 TILTS_DEG = ((0.0, 1), (25.0, 6), (50.0, 8))
 """Tilts of the views, and how many directions they go in."""
 
-FEATURES, CONTRAST = 4000, 0.005
+FEATURES, CONTRAST, SHARE = 4000, 0.0075, 0.6
 EDGE_PX = 4
 """Features nearer to the border of what a view shows are left out: the border is not in the frame."""
 
@@ -257,15 +257,15 @@ def localised(bank: ViewBank, camera: PinholeCamera, grey: np.ndarray, valid: np
 def _features(grey: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """``(N, 2)`` pixels and ``(N, 128)`` descriptors, compared by their Euclidean distance.
 
-    Of half the image, as SIFT doubles what it is given: finer features take longer, and blur has none.
+    Of an image of a share of the size, as SIFT doubles what it is given: finer features take longer, and blur has none.
     """
-    half = cv2.resize(grey, [-(-side // 2) for side in grey.shape[::-1]], interpolation=cv2.INTER_AREA)
-    mask = cv2.resize(mask.astype(np.uint8), half.shape[::-1], interpolation=cv2.INTER_NEAREST)
-    keypoints, descriptors = cv2.SIFT.create(FEATURES, contrastThreshold=CONTRAST).detectAndCompute(half, mask)
+    small = cv2.resize(grey, [round(SHARE * side) for side in grey.shape[::-1]], interpolation=cv2.INTER_AREA)
+    mask = cv2.resize(mask.astype(np.uint8), small.shape[::-1], interpolation=cv2.INTER_NEAREST)
+    keypoints, descriptors = cv2.SIFT.create(FEATURES, contrastThreshold=CONTRAST).detectAndCompute(small, mask)
     if descriptors is None:
         return np.empty((0, 2)), np.empty((0, 128), np.float32)
     root = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-6))
-    pixels = (np.array([keypoint.pt for keypoint in keypoints]) + 0.5) * np.divide(grey.shape, half.shape)[::-1] - 0.5
+    pixels = (np.array([keypoint.pt for keypoint in keypoints]) + 0.5) * np.divide(grey.shape, small.shape)[::-1] - 0.5
     return pixels, root.astype(np.float32)
 
 

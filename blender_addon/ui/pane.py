@@ -1,6 +1,5 @@
 """What draws over Blender's editors: classes that say when and what, drawn by one handler for each kind of editor."""
 
-from contextlib import suppress
 from functools import partial
 from typing import Any, Literal
 
@@ -51,9 +50,11 @@ def _draw(space: type[bpy.types.Space], place: str) -> None:
         if (pane.space, pane.place) != (space, place) or not pane.poll(context):
             continue
         strokes = Strokes()
-        with suppress(InputError):
+        try:
             pane.draw(context, strokes)
-            strokes.draw()
+        except InputError:
+            continue
+        strokes.draw()
 
 
 def _draw_at(pointer: tuple[int, int]) -> None:
@@ -64,10 +65,12 @@ def _draw_at(pointer: tuple[int, int]) -> None:
         if not pane.poll(context):
             continue
         strokes = Strokes()
-        with suppress(InputError):
+        try:
             pane.draw(context, strokes, pointer)
-            with in_window_pixels():
-                strokes.draw()
+        except InputError:
+            continue
+        with in_window_pixels():
+            strokes.draw()
 
 
 def _panes_of(space: Any, place: str) -> Part:

@@ -168,7 +168,7 @@ def check_is_dataset(folder: Path, *, has_views: bool = False) -> None:
             f"{folder}: expected the folder of a dataset, found that of a pack ({MANIFEST}); give the dataset that was "
             f"packed, or check the pack: oneframe pack --out {folder} --verify"
         )
-    if not has_views and not (folder / RECORD).exists():
+    if not has_views and not (folder / RECORD).is_file():
         raise InputError(
             f"{folder}: expected the folder of a dataset, found no {RECORD} in it; {advice_without_record(folder)}"
         )

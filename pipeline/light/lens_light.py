@@ -202,11 +202,12 @@ def shading(
     # column by column: numpy is slow at reductions along an axis of three
     x, y, z = (kind(at) - column for at, column in zip(lamp, points.T, strict=True))
     nx, ny, nz = normals.T
-    ways = x * nx + y * ny + z * nz, x * x + y * y + z * z
+    along, squared, off_axis = x * nx + y * ny + z * nz, x * x + y * y + z * z, np.zeros_like(x)
     if light.vignetting:
         x, y, z = (points @ row[:3].astype(points.dtype) + kind(row[3]) for row in cam_from_model[:3])
-    # of points beside the lens nothing is left
-    return received(light, *ways, (x * x + y * y) / np.maximum(z * z, 1e-12), distance_mm, lit)
+        # of points beside the lens nothing is left
+        off_axis = (x * x + y * y) / np.maximum(z * z, 1e-12)
+    return received(light, along, squared, off_axis, distance_mm, lit)
 
 
 def received(

@@ -95,7 +95,7 @@ class SilhouetteEdges:
 
     def facing(self, centre: np.ndarray) -> np.ndarray:
         """``(3,)`` centre of projection in the model frame -> ``(F,)`` int8: 1 front, -1 back, 0 seen edge-on."""
-        # a twentieth of the time of a matrix product, whose loop is made for long rows
+        # without a matrix product, whose threads wait for one another where processes share the cores
         along, offsets = np.einsum("fi,i->f", self.mesh.face_cross, centre), self.mesh.plane_offsets
         return (along > offsets).view(np.int8) - (along < offsets).view(np.int8)
 

@@ -156,7 +156,7 @@ def test_what_is_not_the_surface_is_refused(registrar, mesh, kind):
     assert found.verdict.reason
 
 
-@pytest.mark.parametrize("factor", [1.0, 1.15, 1.25])
+@pytest.mark.parametrize("factor", [1.0, 1.1, 1.15, 1.25])
 def test_another_focal_length_is_told_from_another_distance(registrar, mesh, factor):
     enlarged = factor * np.eye(2, 3)
     enlarged[:, 2] = (1 - factor) * np.array([CAMERA.cx, CAMERA.cy])
@@ -166,7 +166,8 @@ def test_another_focal_length_is_told_from_another_distance(registrar, mesh, fac
     assert abs(zoom.factor - factor) < max(0.02, 3 * zoom.sigma)
     found, clean = replace(found, zoom=zoom), replace(found, zoom=zoom._replace(factor=1.0))
     (alone,) = judged_together([found])
-    assert (alone.verdict.state == ACCEPTED) == (factor == 1)
+    # by a tenth, one still alone is at the limit: others like it are accepted
+    assert factor == 1.1 or (alone.verdict.state == ACCEPTED) == (factor == 1)
     if alone.uncertainty is not None:
         # it is taken to be nearer, which its covariance allows, but not with the zoom of the case
         off_mm = abs((found.cam_from_model - seen_from(25, 10))[2, 3])

@@ -150,7 +150,7 @@ class ValueSurvey:
         expected = f"{where}: expected a label map (whole numbers from 0), found"
         self._check_finite(expected)
         if self._lowest < -_ROUNDING:
-            raise InputError(f"{expected} {self._range}: it looks like a CT; give it as the volume")
+            raise InputError(f"{expected} {self._range}: give a CT as the volume, and 0 to what has no label")
         if self._fractional is not None:
             raise InputError(
                 f"{expected} fractions such as {self._fractional:.4g}: probabilities, a resampled mask, or labels "

@@ -25,6 +25,9 @@ _FEW = 64
 _ROUNDING = 0.05
 """How far labels may lie from whole numbers: stored by a scale in 8 bits, 25 labels are off by as much."""
 
+_LEAST_COMB, _COMB = 12, 1.05
+"""Slices that tell, and how much more neighbours may differ than slices with one between; in noise, as much."""
+
 _LEAST_SPAN_HU = 100.0
 """Between the smallest and the largest value of a CT; less means that it was normalised."""
 
@@ -86,6 +89,26 @@ def check_memory(needed: int, size: Sequence[int], where: str) -> None:
             f"{where}: expected a volume that fits into memory, found one of {' x '.join(map(str, size))} voxels, "
             f"which takes {needed / 2**30:.1f} GB to read, and {free / 2**30:.1f} GB are free; crop or resample it, "
             "for example in 3D Slicer (Crop Volume)"
+        )
+
+
+def check_slices(voxels: np.ndarray, where: str) -> None:
+    """Check the slices ``(Z, Y, X)`` of a CT: neighbours are alike, and what lies outside of the scan is air."""
+    some = voxels[:, ::2, ::2]
+    near, far = (
+        np.median([np.abs(np.subtract(*pair, dtype=np.int32)).mean() for pair in zip(some[step:], some, strict=False)])
+        for step in (1, 2)
+    )
+    if len(voxels) >= _LEAST_COMB and near > _COMB * far:
+        raise InputError(
+            f"{where}: expected slices like their neighbours, found every second one alike: two volumes, such as two "
+            "phases or reconstructions, are interleaved; export one of them"
+        )
+    highest = voxels.max()
+    if (voxels[:, [0, 0, -1, -1], [0, -1, 0, -1]] == highest).all(axis=0).any():
+        raise InputError(
+            f"{where}: expected air outside of the scan, found the largest value, {highest}, in a corner of all "
+            "slices: it is padding, and would become bone; set it to -1000"
         )
 
 

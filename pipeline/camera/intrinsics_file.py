@@ -29,7 +29,7 @@ PAIRS = ("size", "resolution", "imagesize")
 LISTS = re.compile(r"d|dist(ortion)?(coeff(icient)?s?|parameters)?")
 """Of coefficients in OpenCV's order."""
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
-MODELS = ("", "none", "pinhole", "perspective", "plumbbob", "radtan", "brownconrady", "opencv")
+MODELS = ("", "none", "pinhole", "perspective", "plumbbob", "radtan", "radialtangential", "brownconrady", "opencv")
 """What a model of a lens may be called; ROS and Kalibr name theirs."""
 LENS = re.compile(
     r"dist(?!ance)|radial|tangential|coeff|kappa|fish|omni|lens|skew|model|kannala|polynom|^(kc|k[1-6]|p[12]|xi|s[1-4])$"
@@ -37,7 +37,7 @@ LENS = re.compile(
 NO_LENS = re.compile(r"error|std|flags|^num|cameraname|rectif|model(name|id)$|undist")
 """Keys that speak of a lens and bend no ray."""
 PART = re.compile(
-    r"^[ar]oi|roi$|regionof|crop|binning|decimat|(sub|down)s(ampl|cal)|offset([xy]|left|top)$|^[xy]offset$"
+    r"^[ar]oi|roi$|regionof|window|crop|binning|decimat|(sub|down)s(ampl|cal)|offset([xy]|left|top)$|^[xy]offset$"
 )
 FEWER = re.compile(r"binning|decimat|(sub|down)s(ampl|cal)")
 """Keys that say that the image is a part of what K is for, or has fewer pixels; of the latter, 1 says nothing."""

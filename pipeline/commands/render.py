@@ -192,7 +192,7 @@ def _render_queue(arguments: argparse.Namespace, output: TextIO) -> None:
             output.write(f"{name}: {state}\n")
     if not own:
         raise InputError(f"{arguments.case}: expected cases that are aligned or checked, found none; align them first")
-    check_own_folder(out, CASES, read)
+    check_own_folder(out, CASES, read, alone=False)
     for number, (name, each) in enumerate(own.items(), start=1):
         output.write(f"{name}: rendering, {number} of {len(own)}\n")
         with naming(name):

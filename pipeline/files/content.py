@@ -9,7 +9,7 @@ import stat
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from typing import BinaryIO
@@ -32,9 +32,13 @@ _HASHES: ContextVar[dict[Path, str] | None] = ContextVar("hashes", default=None)
 
 
 class CommandFiles:
-    """What a command has read, and what it has been granted to write: a file is an input or an output, never both."""
+    """What a command has read, and what it has been granted to write: a file is an input or an output, never both.
 
-    def __init__(self) -> None:
+    ``at_end`` closes when the command does; there is none outside of one.
+    """
+
+    def __init__(self, at_end: ExitStack | None = None) -> None:
+        self.at_end = at_end
         self._opened: dict[Path, str] = {}
         self._outputs: set[str] = set()
 
@@ -66,11 +70,10 @@ def command_files() -> CommandFiles:
 @contextmanager
 def files_of_command() -> Iterator[None]:
     """Note what is read inside the block, which is a command of its own."""
-    token = _FILES.set(CommandFiles())
-    try:
+    with ExitStack() as at_end:
+        token = _FILES.set(CommandFiles(at_end))
+        at_end.callback(_FILES.reset, token)
         yield
-    finally:
-        _FILES.reset(token)
 
 
 @contextmanager

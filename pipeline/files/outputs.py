@@ -17,6 +17,7 @@ from pathlib import Path
 
 from ..errors import InputError, RunError
 from .content import command_files, remove_abandoned, write_bytes_atomically
+from .lock import BUSY, lock_by_system
 
 _DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 ADVICE = "free space, or choose another place"
@@ -53,8 +54,10 @@ def check_outputs(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> None:
         command_files().grants(path)
 
 
-def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path]) -> None:
+def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path], *, alone: bool = True) -> None:
     """Check that a folder, if there is one, holds nothing but what a command writes into it, and hidden files.
+
+    It is locked for the command that runs, if that is to be ``alone`` in it.
 
     Parameters
     ----------
@@ -78,6 +81,30 @@ def check_own_folder(folder: Path, names: str, inputs: Mapping[str, Path]) -> No
             )
         if source := protected.same_as(folder / name):
             raise InputError(_with_input(folder, *source))
+    # Windows opens no folders
+    if alone and os.name != "nt" and (at_end := command_files().at_end):
+        at_end.enter_context(_locked(folder))
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Lock a folder, where its file system has locks; if it is made for that and stays empty, it goes again."""
+    with writing(folder):
+        is_new = not folder.exists()
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            lock_by_system(descriptor, shared=False)
+        except OSError as error:
+            if error.errno in BUSY:
+                raise RunError(f"{folder}: another run writes into it; wait, or choose another folder") from None
+        yield
+    finally:
+        os.close(descriptor)
+        if is_new:
+            with suppress(OSError):
+                folder.rmdir()
 
 
 def check_folder(folder: Path, inputs: Mapping[str, Path]) -> None:

@@ -45,7 +45,8 @@ def read_pose(path: Path, *, mm_per_unit: float | None = 1.0) -> tuple[np.ndarra
     """
     name, entries = file_and_place(Path(path))[0].name, listed_poses(Path(path))
     if len(entries) != 1 or is_without_pose(entries[0]):
-        raise InputError(f"{name}: expected one pose, found {len(entries)}; of a table write which image's after #")
+        found = "an entry without" if len(entries) == 1 else len(entries)
+        raise InputError(f"{name}: expected one pose, found {found}; of a table write which image's after #")
     if mm_per_unit is None and isinstance(entries[0], dict) and entries[0].get(NO_SCALE):
         raise InputError(
             f"{name}: expected --units mm or m with it, as COLMAP has no scale; if none is known, multiply surface and "
@@ -111,7 +112,8 @@ def listed_poses(path: Path) -> list[Any]:
         found = parsed_json(text, path.name, parse_int=float)
         if is_table := is_scene(found):
             found = scene_entries(found, path, place)
-        if isinstance(found, dict) or (_is_list(found) and _is_list(found[0]) and not _is_list(found[0][0])):
+        first = found[0] if _is_list(found) else None
+        if isinstance(found, dict) or isinstance(first, float) or (_is_list(first) and not _is_list(first[0])):
             found = [found]
         if not isinstance(found, list):
             raise InputError(f"{path.name}: expected a list of poses, found {type(found).__name__}")

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from oneframe.errors import InputError, RunError
+from oneframe.files.content import files_of_command
 from oneframe.files.outputs import check_outputs, check_own_folder
 
 
@@ -52,3 +53,14 @@ def test_a_folder_of_own_files_holds_nothing_else(tmp_path):
     (tmp_path / "view_1.png.txt").mkdir()
     with pytest.raises(InputError, match=r"found view_1\.png\.txt in it"):
         check_own_folder(tmp_path, names, {})
+
+
+@pytest.mark.skipif(os.name == "nt", reason="opens no folders")
+def test_a_folder_belongs_to_one_command_until_that_ends(tmp_path):
+    folder = tmp_path / "new"
+    for _ in range(2):
+        with files_of_command():
+            check_own_folder(folder, "x", {})
+            with files_of_command(), pytest.raises(RunError, match="new: another run writes into it"):
+                check_own_folder(folder, "x", {})
+        assert not folder.exists()

@@ -37,7 +37,7 @@ def check_sample_case(folder: Path, *, camera: PinholeCamera = MICROSCOPE, held_
     names = ["surface.ply", *map(_structure_file, STRUCTURES), *images, UNALIGNED, "case.toml"]
     check_outputs([folder / name for name in (*names, *([HELD_OUT] if held_out else []))], {})
     if not case.exists():
-        check_own_folder(folder, _NAMES, {})
+        check_own_folder(folder, _NAMES, {}, alone=False)
     elif read_content(case, "a case file") != text.encode():
         raise InputError(f"{case}: expected no such file or the sample's, found another case; choose another folder")
 

@@ -30,7 +30,7 @@ _BRANDS = {b"avif": "AVIF", b"avis": "AVIF", **dict.fromkeys((b"heic", b"heix", 
 
 _FRAMES = {0xC0, 0xC1, 0xC2}
 """Markers of JPEG's frames that every decoder reads: baseline, extended, progressive."""
-_OTHER_FRAMES = set(range(0xC3, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_OTHER_FRAMES = {*range(0xC3, 0xD0), 0xF7} - {0xC4, 0xC8, 0xCC}
 
 _BRIGHTNESS, _HOLE = 0x10, bytes(64)
 """Table of a JPEG's codes for details of brightness; bytes that a failed sector or a sparse copy leaves."""
@@ -144,6 +144,8 @@ def _checked_png(data: bytes) -> tuple[int, int, int]:
             raise ValueError("the file is damaged")
         if kind != b"IDAT":
             chunks.setdefault(kind, bytes(body))
+    if next(iter(chunks)) != b"IHDR":  # Apple's own form begins otherwise
+        raise ValueError("it is a PNG of a kind that few programs read")
     for chunk, reason in ((b"acTL", "it is an animation"), (b"tRNS", "one of its colours stands for transparent")):
         if chunk in chunks:
             raise ValueError(f"{reason}, which programs read in different ways")

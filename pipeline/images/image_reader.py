@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 Decoder = Callable[[bytes, str], "np.ndarray"]
 """From the bytes of a checked image file, and what begins messages, to ``(H, W, C)`` float32 code values 0..1."""
 
-_LABEL, _LEAST_IN_USE = 255.5 / 65535, 0.25
-"""Up to the first, 16 bits hold a mask or labels; beyond it, and below the second, they hold a sensor's own codes."""
+_MOST_LABELS, _LEAST_IN_USE = 32, 0.25
+"""With so many values, 16 bits hold a mask or labels; with more below the second, 8 bits or a sensor's codes."""
 
 _BYTE_ROUNDING = 0.01
 
@@ -54,10 +54,11 @@ def read_image(path: Path, where: str = "") -> "tuple[np.ndarray, np.ndarray]":
     colours = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
     valid = values[..., 3] > 0 if channels == 4 else np.ones(values.shape[:2], dtype=bool)
     brightest = float(colours.max())
-    if _LABEL < brightest < _LEAST_IN_USE and (np.abs(colours * 255 - np.rint(colours * 255)) > _BYTE_ROUNDING).any():
+    is_deep = brightest < _LEAST_IN_USE and (np.abs(colours * 255 - np.rint(colours * 255)) > _BYTE_ROUNDING).any()
+    if is_deep and len(np.unique(colours)) > _MOST_LABELS:
         raise InputError(
             f"{where}: expected 16 bits that are in use, the brightest is {brightest * 65535:.0f} of 65535, as of "
-            "10 to 14 bits stored in 16; stretch them to the full range, and save it as PNG"
+            "8 to 14 bits stored in 16; stretch them to the full range, and save it as PNG"
         )
     return np.ascontiguousarray(colours), np.ascontiguousarray(valid)
 

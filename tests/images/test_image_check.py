@@ -87,6 +87,8 @@ REFUSED: dict[str, tuple[Callable[[], bytes], str]] = {
     "transparent colour": (lambda: saved("PNG", transparency=(1, 2, 3)), "transparent"),
     "CMYK": (lambda: saved("JPEG", mode="CMYK"), "CMYK"),
     "arithmetic JPEG": (lambda: saved("JPEG").replace(b"\xff\xc0", b"\xff\xc9", 1), "arithmetic"),
+    "JPEG-LS": (lambda: saved("JPEG").replace(b"\xff\xc0", b"\xff\xf7", 1), "lossless"),
+    "Apple's PNG": (lambda: saved("PNG")[:8] + png((b"CgBI", b"1234"))[33:49] + saved("PNG")[8:], "few programs"),
     "TIFF": (lambda: saved("TIFF"), "found TIFF"),
     "BigTIFF": (lambda: b"II+\0" + bytes(100), "found TIFF"),
     "cut off": (lambda: saved("PNG")[:-100], "cut off"),

@@ -136,7 +136,7 @@ def test_threshold_crop_and_islands_are_obeyed(ct, tmp_path, surface):
     ("arguments", "message"),
     [
         (["ct", "--out", "out", "--crop", "0", "0", "0", "1", "1", "1"], "expected a box in the volume"),
-        (["ct", "--out", "out", "--labels", "ct"], "it looks like a CT"),
+        (["ct", "--out", "out", "--labels", "ct"], "give a CT as the volume"),
         (["nan", "--out", "out"], "NaN or infinity in 1,800 voxels"),
     ],
     ids=str,

@@ -28,7 +28,7 @@ from .dicom_header import (
     unreadable,
 )
 from .slice_geometry import FEWEST_SLICES, stack_of
-from .volume_checks import ValueSurvey, check_axes, check_memory
+from .volume_checks import ValueSurvey, check_axes, check_memory, check_slices
 
 MOST_FILES = 50_000
 """In a folder of DICOM files and the folders in it, of any kind."""
@@ -185,6 +185,7 @@ def series_voxels(
         kept = np.rint(pixels[first[1] : stop[1], first[0] : stop[0]]).clip(-(2**15), 2**15 - 1)
         voxels[z - first[2]] = kept
     survey.check_hounsfield(where)
+    check_slices(voxels, where)
     voxels.setflags(write=False)
     return voxels, grid.shifted(first, (columns, rows, slices)), grid
 

@@ -23,10 +23,12 @@ from .volume_reader import file_voxels
 
 LONGEST_NAME = 80
 
-_SNAP_LINE = re.compile(r'\s*(\d+)(?:\s+[-+.\deE]+){6}\s+"([^"]*)"\s*')
+_LABEL = re.compile(r"\d{1,9}")
+
+_SNAP_LINE = re.compile(r'\s*(\d{1,9})(?:\s+[-+.\deE]+){6}\s+"([^"]*)"\s*')
 """ITK-SNAP: label, red, green, blue, opacity, visibility, mesh visibility, name."""
 
-_SLICER_LINE = re.compile(r"\s*(\d+)\s+(?!\(none\)|\d+\s)(\S+)(?:\s+\d+){3,4}(?:\s.*)?")
+_SLICER_LINE = re.compile(r"\s*(\d{1,9})\s+(?!\(none\)|\d+\s)(\S+)(?:\s+\d+){3,4}(?:\s.*)?")
 """3D Slicer: label, name, red, green, blue, opacity."""
 
 _NEGATED = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -74,12 +76,13 @@ def _check_place(values: np.ndarray, grid: VoxelGrid, like: Volume, where: str) 
         distance = np.linalg.norm(grid.corners_mm[:, None] - whole.corners_mm, axis=2)
         is_elsewhere = distance.min(axis=1).max() > 0.5 * spacing.min()
         is_negated = not apart_mm(grid.mesh_from_index, _NEGATED @ whole.mesh_from_index, grid.size)
-        if apart_mm(grid.mesh_from_index, whole.mesh_from_index, grid.size) and (is_elsewhere or is_negated):
+        is_same = grid.size == whole.size and not apart_mm(grid.mesh_from_index, whole.mesh_from_index, grid.size)
+        if not is_same and (is_elsewhere or is_negated):
             raise InputError(
                 f"{where}: expected labels in the place of the volume, found as many voxels "
                 f"{'with x and y negated' if is_negated else f'up to {distance.min(axis=1).max():.1f} mm elsewhere'}: "
-                "their header was lost, or they are of another volume; save them with the volume's affine, for example "
-                "with nibabel: Nifti1Image(labels.dataobj, volume.affine)"
+                "their header was lost, their axes changed places, or they are of another volume; save them in the "
+                "volume's order, with its affine, for example with nibabel: Nifti1Image(labels.dataobj, volume.affine)"
             )
     first, stop = box_around(values)
     points = transform_points(grid.mesh_from_index, box_corners(first, stop - 1.0))
@@ -120,7 +123,7 @@ def _names_in(path: Path) -> dict[int, str]:
     lines = [line for line in (decoded(content) or "").splitlines() if not line.startswith("#")]
     if path.suffix == ".csv":
         rows = [(row.get("LabelValue") or "", row.get("Name") or "") for row in csv.DictReader(lines)]
-        return {int(label): name for label, name in rows if label.isdecimal() and name}
+        return {int(label): name for label, name in rows if _LABEL.fullmatch(label) and name}
     matches = (_SNAP_LINE.fullmatch(line) or _SLICER_LINE.fullmatch(line) for line in lines)
     return {int(match[1]): match[2] for match in matches if match}
 
@@ -130,7 +133,7 @@ def _names_in_json(labels: object) -> dict[int, str]:
     names: dict[int, str] = {}
     for key, value in labels.items() if isinstance(labels, Mapping) else ():
         name = value.get("name") if isinstance(value, Mapping) else value
-        if key.isdecimal() and isinstance(name, str):
+        if _LABEL.fullmatch(key) and isinstance(name, str):
             names[int(key)] = name
         elif isinstance(value, int) and not isinstance(value, bool):
             names[value] = key

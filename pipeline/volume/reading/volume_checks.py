@@ -25,6 +25,9 @@ _FEW = 64
 _ROUNDING = 0.05
 """How far labels may lie from whole numbers: stored by a scale in 8 bits, 25 labels are off by as much."""
 
+_LEAST_COMB, _COMB = 12, 1.05
+"""Slices that tell, and how much more neighbours may differ than slices with one between; in noise, as much."""
+
 _LEAST_SPAN_HU = 100.0
 """Between the smallest and the largest value of a CT; less means that it was normalised."""
 
@@ -89,6 +92,26 @@ def check_memory(needed: int, size: Sequence[int], where: str) -> None:
         )
 
 
+def check_slices(voxels: np.ndarray, where: str) -> None:
+    """Check the slices ``(Z, Y, X)`` of a CT: neighbours are alike, and what lies outside of the scan is air."""
+    some = voxels[:, ::2, ::2]
+    near, far = (
+        np.median([np.abs(np.subtract(*pair, dtype=np.int32)).mean() for pair in zip(some[step:], some, strict=False)])
+        for step in (1, 2)
+    )
+    if len(voxels) >= _LEAST_COMB and near > _COMB * far:
+        raise InputError(
+            f"{where}: expected slices like their neighbours, found every second one alike: two volumes, such as two "
+            "phases or reconstructions, are interleaved; export one of them"
+        )
+    highest = voxels.max()
+    if (voxels[:, [0, 0, -1, -1], [0, -1, 0, -1]] == highest).all(axis=0).any():
+        raise InputError(
+            f"{where}: expected air outside of the scan, found the largest value, {highest}, in a corner of all "
+            "slices: it is padding, and would become bone; set it to -1000"
+        )
+
+
 class ValueSurvey:
     """Range and variety of voxels, added part by part. Mutable: it grows with each part."""
 
@@ -150,7 +173,7 @@ class ValueSurvey:
         expected = f"{where}: expected a label map (whole numbers from 0), found"
         self._check_finite(expected)
         if self._lowest < -_ROUNDING:
-            raise InputError(f"{expected} {self._range}: it looks like a CT; give it as the volume")
+            raise InputError(f"{expected} {self._range}: give a CT as the volume, and 0 to what has no label")
         if self._fractional is not None:
             raise InputError(
                 f"{expected} fractions such as {self._fractional:.4g}: probabilities, a resampled mask, or labels "

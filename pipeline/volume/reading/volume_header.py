@@ -273,7 +273,8 @@ def _segments(reader: Any) -> dict[int, str]:
     for key in reader.GetMetaDataKeys():
         if match := re.fullmatch(r"Segment(\d+)_Name", key):
             value = f"Segment{match[1]}_LabelValue"
-            if reader.HasMetaDataKey(value) and (label := reader.GetMetaData(value).strip()).isdecimal():
+            label = reader.GetMetaData(value).strip() if reader.HasMetaDataKey(value) else ""
+            if re.fullmatch(r"\d{1,9}", label):
                 names[int(label)] = reader.GetMetaData(key).strip()
     return names
 
@@ -281,6 +282,6 @@ def _segments(reader: Any) -> dict[int, str]:
 def _unoriented(where: str) -> InputError:
     return InputError(
         f"{where}: expected an orientation and a spacing, found none (NIfTI: qform_code and sform_code are 0; NRRD: no "
-        "space and space directions), so left and right are unknown; export it again "
+        "space by the body's axes, or no space directions), so left and right are unknown; export it again "
         "from the original with its orientation"
     )

@@ -13,7 +13,7 @@ from ..simple_itk import simple_itk
 from ..volume import Volume, VoxelGrid, box_corners, box_slices
 from .dicom_header import is_dicom_beginning
 from .dicom_series import SeriesInfo, chosen_series, find_series, series_voxels
-from .volume_checks import ValueSurvey, check_memory
+from .volume_checks import ValueSurvey, check_memory, check_slices
 from .volume_header import VolumeHeader, check_stored, read_header, unreadable, volume_suffix
 
 _COPIES = 2
@@ -107,6 +107,8 @@ def file_voxels(
     for at in range(0, len(part), _SLAB):
         slab = part[at : at + _SLAB]
         kept[at : at + _SLAB] = np.rint(slab) if slab.dtype.kind == "f" else slab
+    if wanted == "HU":
+        check_slices(kept, where)
     kept.setflags(write=False)
     depth, height, width = kept.shape
     return kept, grid.shifted(first, (width, height, depth))

@@ -80,7 +80,7 @@ def test_what_the_decoder_could_not_read_is_no_picture(tmp_path, kind):
         read_image(tmp_path / "frame.jpg")
 
 
-@pytest.mark.parametrize("bits", [10, 12, 14])
+@pytest.mark.parametrize("bits", [8, 10, 12, 14])
 def test_codes_of_a_sensor_stored_in_16_bits_are_refused(tmp_path, bits):
     cv2.imwrite(str(tmp_path / "frame.png"), codes(3, 16) >> (16 - bits))
     with pytest.raises(InputError, match=f"the brightest is {2**bits - 1} of 65535.*stretch them"):

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from oneframe.errors import InputError
 from oneframe.transforms import rotation_from_vector, transform_points
+from oneframe.volume.reading.volume_checks import check_slices
 from oneframe.volume.reading.volume_reader import list_series, read_volume
 from tests.volume.solids import check_crop
 
@@ -207,6 +208,17 @@ def test_two_volumes_in_one_series_are_chosen_from(write_series, tmp_path, tags,
     found = [read_volume(tmp_path, series=number).values for number in (1, 2)]
     order = (1, 0) if tag == "KVP" else (0, 1)
     np.testing.assert_array_equal(found, [values[index] for index in order])
+
+
+def test_where_no_header_tells_the_voxels_do():
+    """Of two volumes that are interleaved, and of padding that would become a shell of bone."""
+    z, y, x = np.indices((16, 20, 20))
+    ball = np.where((x - 9) ** 2 + (y - 9) ** 2 + (z - 8) ** 2 < 36, 1200, -1000).astype(np.int16)
+    check_slices(ball, "ct")
+    with pytest.raises(InputError, match="every second one alike"):
+        check_slices(np.where(z % 2, np.roll(ball, 4, axis=2), ball), "ct")
+    with pytest.raises(InputError, match="3000, in a corner of all"):
+        check_slices(np.where(np.hypot(x - 9, y - 9) > 10, 3000, ball), "ct")
 
 
 def test_acquisitions_one_after_the_other_are_one_volume_and_series_of_one_slice_none(write_series, tmp_path):

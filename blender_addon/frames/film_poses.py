@@ -23,9 +23,10 @@ from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
 from ..pipeline.case.pose_record import UNKNOWN, PoseRecord
 from ..pipeline.errors import InputError
-from ..pipeline.files.content import LARGEST_FILE, read_content, write_bytes_atomically
+from ..pipeline.files.content import LARGEST_FILE, read_content
 from ..pipeline.files.outputs import writing
 from ..pipeline.files.tables import parsed_json
+from ..pipeline.files.writing import write_bytes_atomically
 from ..pipeline.registration.pose_list import encoded_list, pose_entry, registered_of, registration_record
 from ..pipeline.registration.register import RegisteredFrame, Registrar, RegistrationRun, marked
 from ..pipeline.registration.verdict import ACCEPTED, DOUBTFUL, REFUSED, FilmChange, Verdict

@@ -10,7 +10,7 @@ import bpy
 
 from ..class_registration import at_end
 from ..pipeline.errors import InputError
-from ..pipeline.files.content import write_bytes_atomically
+from ..pipeline.files.writing import write_bytes_atomically
 from . import from_scene
 from .case_of_file import further_frames
 

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import command_files, write_bytes_atomically
+from ..files.content import command_files
 from ..files.numbers import MM_PER_UNIT, length_text
 from ..files.outputs import check_outputs, writing
+from ..files.writing import write_bytes_atomically
 from ..poses.pose_file import POSE_KEY
 from ..transforms import is_same_pose
 from .case_file import Case, Structure, case_from_text, read_case

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..files.content import create_folder, make_durable, partial_path, remove_durably, rename_durably, write_undurably
+from ..files.writing import create_folder, make_durable, partial_path, remove_durably, rename_durably, write_undurably
 from ..poses.constraints import PlannedPose
 from ..projection.rendered_view import RenderedView
 from ..projection.silhouette import SilhouetteEdges, silhouette_statistics

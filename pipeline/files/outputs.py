@@ -16,8 +16,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import InputError, RunError
-from .content import command_files, remove_abandoned, write_bytes_atomically
+from .content import command_files
 from .lock import BUSY, lock_by_system
+from .writing import remove_abandoned, write_bytes_atomically
 
 _DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 ADVICE = "free space, or choose another place"

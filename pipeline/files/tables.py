@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from .content import LARGEST_TEXT, write_bytes_atomically
+from .content import LARGEST_TEXT
 from .numbers import WrittenFloat
+from .writing import write_bytes_atomically
 
 MOST_LEVELS = 32
 """Of lists and tables in one another; real files have up to ten, and recursion over many more overflows the stack."""

@@ -57,8 +57,8 @@ one side. Of places found from path-traced photographs, nine of ten were then wi
 LEAST_EXPLAINED, LARGEST_DEVIATION = 0.25, 0.1
 """A lamp explains so much of the shading at least, and its place is as sure, in working distances. Over several frames
 lamps explain 78 % and more, lights of rooms and suns nothing; of one frame, these end on a bound or are less sure."""
-LEAST_VIGNETTED = 0.5
-"""What vignetting without a lamp explains at least: 65 to 89 % of an endoscope's shading, up to 44 % in rooms."""
+LEAST_VIGNETTED = 0.6
+"""What vignetting without a lamp explains at least: 67 to 93 % of an endoscope's shading, up to 48 % in rooms."""
 MOST_STRENGTH = 0.1
 """Where less of a lamp's light than this moves with the lens, by two deviations, several frames show that none does."""
 

@@ -30,8 +30,6 @@ SHADOW_BIAS = 1e-3
 """How far behind what a lamp sees a point still counts as lit, in parts of its distance."""
 ROUGHNESS = 0.3
 """Of the gloss: bone, tissue and wet films between them, whose normals are finer than the surface's."""
-RED = 0
-"""The channel that is used: tissue and bone send back most of it, so highlights, which are white, weigh least."""
 
 
 class Image(Protocol):
@@ -169,7 +167,7 @@ def shaded_points(mesh: TriangleMesh, frames: Sequence[Image], curve: Transfer =
 
 def _view(mesh: TriangleMesh, frame: Image, curve: Transfer) -> _View:
     raster = rasterise_depth(mesh, frame.camera, frame.cam_from_model)
-    light = linear_from_codes(frame.image[..., RED], curve)
+    light = linear_from_codes(frame.image, curve).mean(axis=2)
     unusable = ~frame.valid | (frame.image.max(axis=2) > BRIGHT) | (light < DARK) | (raster.face < 0)
     light = _spread(np.where(unusable, 0, light), np.add) / np.maximum(_spread(~unusable * 1.0, np.add), 1e-9)
     depth = np.where(raster.face >= 0, raster.depth_mm, np.inf)

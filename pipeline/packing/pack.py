@@ -22,9 +22,10 @@ from ..dataset.run.resume_record import ViewRecord, read_record
 from ..dataset.tables.bop import scene_entries, write_test_targets
 from ..dataset.truths import COLOUR, MASK, TRUTHS
 from ..errors import InputError, RunError
-from ..files.content import create_folder, names_in, read_file, remove_abandoned, write_bytes_atomically, written_file
+from ..files.content import names_in, read_file
 from ..files.machine import available_cores
 from ..files.outputs import writing
+from ..files.writing import create_folder, remove_abandoned, write_bytes_atomically, written_file
 from ..progress import Progress
 from .layout import COPIED, FILES, KEY_TO_SHARD, MASKS, TABLES, mask_json, shard_name, view_key
 from .manifest import Manifest, Plan, complete_manifest, read_manifest

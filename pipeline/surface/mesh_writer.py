@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files.content import write_bytes_atomically
+from ..files.writing import write_bytes_atomically
 from .mesh import TriangleMesh
 
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")

@@ -16,8 +16,9 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.case_writer import write_case
 from oneframe.errors import InputError
-from oneframe.files.content import read_content, write_bytes_atomically
+from oneframe.files.content import read_content
 from oneframe.files.tables import parsed_json
+from oneframe.files.writing import write_bytes_atomically
 from oneframe.images.image_check import check_image_file
 from oneframe.images.png import encode_png
 from oneframe.projection.z_buffer import rasterise_depth

@@ -25,9 +25,9 @@ from oneframe.errors import InputError
 from oneframe.evaluation.evaluate import ShownSurface, named_cases, scored_views
 from oneframe.evaluation.methods import chosen_methods
 from oneframe.evaluation.view_scores import scores_of
-from oneframe.files.content import write_bytes_atomically
 from oneframe.files.outputs import made_folder
 from oneframe.files.tables import parsed_json
+from oneframe.files.writing import write_bytes_atomically
 from oneframe.images.highlights import highlights
 from oneframe.images.png import encode_png
 from oneframe.projection.z_buffer import rasterise_depth

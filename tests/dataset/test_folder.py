@@ -17,7 +17,7 @@ from oneframe.dataset.run import run_folder
 from oneframe.dataset.run.run_folder import RunFolder, Shard
 from oneframe.errors import InputError, RunError
 from oneframe.files import lock
-from oneframe.files.content import partial_name
+from oneframe.files.writing import partial_name
 
 WHOLE = Shard()
 IDENTITY = {"format": "1", "count": 3, "options": {"seed": 0, "scale": 1.0}, "inputs_sha256": {"frame": "ab"}}

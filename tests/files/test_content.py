@@ -10,16 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
-from oneframe.files.content import (
-    content_named,
-    is_content_named,
-    read_content,
-    remove_abandoned,
-    write_bytes_atomically,
-    written_file,
-)
+from oneframe.files.content import content_named, is_content_named, read_content
 from oneframe.files.numbers import WrittenFloat
 from oneframe.files.tables import parsed_json, parsed_toml
+from oneframe.files.writing import remove_abandoned, write_bytes_atomically, written_file
 
 
 def missing(path: Path) -> str:
@@ -88,7 +82,7 @@ def test_integers_are_those_that_toml_holds():
 KILLED = """
 import os, sys
 from pathlib import Path
-from oneframe.files.content import written_file
+from oneframe.files.writing import written_file
 with written_file(Path(sys.argv[1])) as stream:
     stream.write(b"half")
     stream.flush()
@@ -110,7 +104,7 @@ def test_what_a_killed_process_left_goes_and_what_a_living_one_has_stays(tmp_pat
     assert target.read_bytes() == b"whole"
     assert sorted(path.name for path in tmp_path.iterdir()) == [".partial-mine", "poses.json"]
     # others are written by the thousand while somebody cleans up
-    cleaner = "import sys\nfrom pathlib import Path\nfrom oneframe.files.content import remove_abandoned\n"
+    cleaner = "import sys\nfrom pathlib import Path\nfrom oneframe.files.writing import remove_abandoned\n"
     cleaner += "print(flush=True)\nwhile True: remove_abandoned(Path(sys.argv[1]))"
     process = subprocess.Popen([sys.executable, "-c", cleaner, str(tmp_path)], stdout=subprocess.PIPE)
     process.stdout.readline()

@@ -175,6 +175,16 @@ def test_frames_of_a_lamp_show_it(transfer):
         assert (off < 3 * np.array(alone.deviation_mm[:2])).all()
 
 
+def test_all_channels_count_alike():
+    """Red light goes from wall to wall, so red alone falls off less than a view that has all three."""
+    mesh, powers = hills(), np.array([0.8, 0.9, 1.0])
+    frames = [photograph(mesh, lit_by(LAMP), pose) for pose in POSES]
+    walls = [replace(each, image=(each.image**powers).astype(np.float32)) for each in frames]
+    one, other = (find_lamp(mesh, each) for each in (walls, [replace(w, image=w.image[..., ::-1]) for w in walls]))
+    np.testing.assert_allclose(one.light.lamp_cam_mm, other.light.lamp_cam_mm, atol=1e-6)
+    assert one.light.ambient == pytest.approx(other.light.ambient, abs=1e-8)
+
+
 def test_a_saturated_or_dark_frame_says_what_is_missing():
     mesh = hills()
     frame = photograph(mesh, lit_by(LAMP), POSES[0])

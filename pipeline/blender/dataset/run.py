@@ -23,9 +23,10 @@ from ...dataset.tables.dataset_info import write_dataset_info
 from ...dataset.tables.pose_tables import POSE_COLUMNS, pose_cells
 from ...dataset.tables.view_tables import write_view_tables
 from ...dataset.truths import written_truths
-from ...files.content import create_folder, read_file, write_bytes_atomically
+from ...files.content import read_file
 from ...files.machine import available_cores
 from ...files.tables import write_csv
+from ...files.writing import create_folder, write_bytes_atomically
 from ...images.contact_sheet import contact_sheet
 from ...images.image_reader import read_image
 from ...images.pixel_values import to_uint8

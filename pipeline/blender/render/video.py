@@ -9,8 +9,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...files.content import written_file
 from ...files.temporary import temporary_folder, unwritable_temporary, writing_temporary
+from ...files.writing import written_file
 from ...images.pixel_values import to_uint8
 from ..bridge.data_blocks import temporary_data
 from ..bridge.image import render_path

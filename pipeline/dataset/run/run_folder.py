@@ -19,15 +19,9 @@ from typing import Any, Self
 import numpy as np
 
 from ...errors import InputError, RunError
-from ...files.content import (
-    LARGEST_TEXT,
-    create_folder,
-    names_in,
-    partial_name,
-    read_file,
-    write_bytes_atomically,
-)
+from ...files.content import LARGEST_TEXT, names_in, read_file
 from ...files.lock import Busy, FileLock
+from ...files.writing import create_folder, partial_name, write_bytes_atomically
 from ..identity import COUNT, LISTED, POSES_HASH, Difference, described, description_bytes, differences, poses_hash
 from ..layout import CHECKSUMS, RECORD, SPLIT, WORK, is_own_file, own_folders
 

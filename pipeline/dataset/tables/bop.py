@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...files.content import create_folder, write_bytes_atomically, written_file
 from ...files.tables import write_json
+from ...files.writing import create_folder, write_bytes_atomically, written_file
 from ...surface.decimation import reduced_mesh
 from ...surface.mesh import TriangleMesh, diameter
 from ...surface.mesh_writer import write_ply

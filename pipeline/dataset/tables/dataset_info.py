@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ...camera.pinhole import PinholeCamera
-from ...files.content import write_bytes_atomically
+from ...files.writing import write_bytes_atomically
 from ...surface.mesh import TriangleMesh
 from .. import layout
 from ..layout import OBJECT_ID, SPLIT, scene_count

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...files.content import written_file
+from ...files.writing import written_file
 from ...transforms import CAM_FROM_OPENGL_CAM, inverse_rigid
 from ..layout import MODEL_FILES, ViewPaths
 from ..run.resume_record import ViewRecord

@@ -20,8 +20,8 @@ from oneframe.blender.sample.photograph import add_ambient_light, set_path_traci
 from oneframe.case.case_file import Case
 from oneframe.case.frame import UnreadFrame
 from oneframe.case.loaded_case import load_case
-from oneframe.files.content import write_bytes_atomically
 from oneframe.files.temporary import temporary_folder
+from oneframe.files.writing import write_bytes_atomically
 from oneframe.images.image_reader import read_image
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png

@@ -16,9 +16,9 @@ from oneframe.blender.sample.sample_case import FILM, FILM_POSES, HELD_OUT, writ
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.errors import RunError
-from oneframe.files.content import write_bytes_atomically
 from oneframe.files.outputs import made_folder
 from oneframe.files.tables import parsed_json
+from oneframe.files.writing import write_bytes_atomically
 from oneframe.images.image_reader import read_image
 from oneframe.images.pixel_values import to_uint8
 from oneframe.progress import Progress

@@ -7,7 +7,7 @@ import numpy as np
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
 from oneframe.case.case_writer import write_case
-from oneframe.files.content import write_bytes_atomically
+from oneframe.files.writing import write_bytes_atomically
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh

@@ -24,7 +24,7 @@ from oneframe.case.loaded_case import MAX_EXTENT_RATIO, load_case
 from oneframe.case.surface_doubts import EXACT_PX, FARTHEST_MM, LONGEST_EXACT_FOCAL_PX, UNIT_ROUNDOFF
 from oneframe.colour.shading import ColouredSurface
 from oneframe.errors import InputError
-from oneframe.files.content import write_bytes_atomically
+from oneframe.files.writing import write_bytes_atomically
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply

@@ -102,19 +102,25 @@ def _limited_to(view: SeenFrame, pixels: np.ndarray) -> SeenFrame:
     return replace(view, valid=kept, inverse_depth=view.inverse_depth * kept)
 
 
-def _lit_views(reference: ReferenceView, light: LensShading) -> tuple[SeenFrame, ...]:
-    """The views, in which what lies in the shadow of their lamp shows nothing, nor do pixels at the edge of a surface.
+def without_shadows(reference: ReferenceView) -> ReferenceView:
+    """The same views, in which what lies in the shadow of their lamp shows nothing.
 
     The law divides the colours there by light that the surface does not get: what is left is no albedo.
     """
-    views = []
+    light, views = reference.light, []
+    if light is None or light.light.lamp_cam_mm is None:
+        return reference
     for view in reference.views:
-        lit = view.inverse_depth > 0
-        lit[lit] = lit_by_lamp(reference.mesh, light, None, view.shown_points(), view.cam_from_model) > 0
-        around = np.lib.stride_tricks.sliding_window_view(np.pad(view.inverse_depth, 1, mode="edge"), (3, 3))
-        lit &= around.min(axis=(2, 3)) > (1 - view.steepest) * around.max(axis=(2, 3))
-        views.append(_limited_to(view, lit))
-    return tuple(views)
+        shown, lit = view.inverse_depth > 0, np.ones(view.valid.shape, bool)
+        lit[shown] = lit_by_lamp(reference.mesh, light, None, view.shown_points(), view.cam_from_model) > 0
+        views.append(_limited_to(view, lit) if lit[shown].any() else view)
+    return replace(reference, views=tuple(views))
+
+
+def _without_edges(view: SeenFrame) -> SeenFrame:
+    """The view, in which pixels at the edge of a surface show nothing: their colours are mixed."""
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(view.inverse_depth, 1, mode="edge"), (3, 3))
+    return _limited_to(view, around.min(axis=(2, 3)) > (1 - view.steepest) * around.max(axis=(2, 3)))
 
 
 def traced_surface(surface: ColouredSurface, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:
@@ -210,7 +216,7 @@ def unseen_colours_of(reference: ReferenceView, unseen: str) -> np.ndarray | Non
         return None
     if unseen != "fill":
         raise ValueError(f"expected neutral or fill, found {unseen!r}")
-    lit = [_lit_views(reference, reference.light)] if reference.light is not None else []
+    lit = [tuple(map(_without_edges, reference.views))] if reference.light is not None else []
     for views in (*lit, reference.views):
         vertices = colour_vertices(reference.mesh, views)
         if vertices.covered.any():

@@ -19,7 +19,7 @@ ENGINES = {"cycles": "exact", "raster": "as exact and faster", "eevee": "needs O
 COLOURS = {"projective": "exact at every shaded point", "vertex": "the paper's method"}
 UNSEEN = {
     "neutral": "grey",
-    "fill": "the observed colours, continued smoothly over the surface; the mask of the observed surface is the same",
+    "fill": "the observed colours, continued smoothly over the surface, with a light over its shadow in the frame too",
 }
 KEEP, DROP = "keep", "drop"
 HIGHLIGHTS = {

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of
+from ..colour.reference_view import ReferenceView, colours_of, unseen_colours_of, without_shadows
 from ..colour.shading import ColouredSurface, SurfaceColour
 from ..colour.vertex_colours import VertexColours
 from ..dataset.options import COLOURS, ENGINES, LENS, NONE, SHADOWS, UNSEEN
@@ -171,6 +171,8 @@ def opened(
         render = pyvista_renderer(reference.mesh, codes, camera, samples=1, lit=False, depth_range_mm=depths)
         yield lambda pose: render(pose).astype(np.float32) / 255
         return
+    if method.unseen == "fill":
+        reference = without_shadows(reference)
     unseen = unseen_colours_of(reference, method.unseen)
     surface = ColouredSurface(reference.mesh, _colours(method, reference), unseen, light=reference.light)
     with renderers.opened(method.renderer, surface, camera) as render_view:

@@ -64,13 +64,14 @@ def film(
     for index, frame in survey.frames(first):
         if index >= last:
             return
+        converter.look_at(frame)
         if index < first or (index - first) % every:
             if index % _ALIVE == 0:
                 yield b""
             continue
         coded = converter.rgb(frame, exact=max(frame.width, frame.height) <= width)
         try:
-            image = converter.upright(coded, frame)
+            image = converter.upright(coded)
         except InputError as error:
             raise InputError(f"{path.name}: {error}") from None
         height_px, width_px = image.shape[:2]
@@ -209,7 +210,7 @@ def _surveyed(path: Path) -> Generator[bytes, None, _Survey]:
     else:
         times_s = [number / (fps or 25.0) for number in range(len(shown))]
     found_s = times_s[-1] - times_s[0]
-    end_s = ticks[-1] * tick_s if ticks else found_s
+    end_s = max((time for time in (*shown, *decoding_times) if time is not None), default=0) * tick_s
     missing_s = max(promised_s - found_s, promised_end_s - max(end_s, found_s)) if lost_s is None else lost_s
     missing_s = missing_s if 0.1 * found_s + 0.25 < missing_s < _LONGEST_S else 0.0
     return _Survey(path, {time: number for number, time in enumerate(times)}, times_s, fps, missing_s, pixel_aspect)

@@ -61,11 +61,8 @@ class Converter:
             (1 if a >= 0 else -1, 1 if d >= 0 else -1), ""
         )
 
-    def upright(self, image: np.ndarray, frame: VideoFrame) -> np.ndarray:
-        """An image turned and mirrored in steps of 90 degrees, as the display matrix of the film's first frame says.
-
-        A film of two eyes is refused.
-        """
+    def look_at(self, frame: VideoFrame) -> None:
+        """Learn from the first frame that is decoded, be it shown or not, what a film states with key frames alone."""
         if self._matrix is None:
             # a frame that was once asked for its side data is not freed
             found = frame.side_data.get("DISPLAYMATRIX")
@@ -74,6 +71,12 @@ class Converter:
             stereo = frame.side_data.get("STEREO3D")
             kind = 0 if stereo is None else int(np.frombuffer(bytes(stereo), np.int32, 1)[0])
             self._halves = _HALVES.get(kind, "two eyes in one picture")
+
+    def upright(self, image: np.ndarray) -> np.ndarray:
+        """An image turned and mirrored in steps of 90 degrees, as the film's display matrix says.
+
+        A film of two eyes is refused.
+        """
         if self._halves is None:
             self._halves = repeated_halves(image)
         if self._halves:
@@ -81,7 +84,7 @@ class Converter:
                 f"expected the film of one eye, found {self._halves}; crop it to the left eye, for example with ffmpeg "
                 f"-vf crop={_CROPS.get(self._halves, 'iw/2:ih:0:0')}, and give the K of what is left"
             )
-        (a, b), (c, d) = self._matrix
+        (a, b), (c, d) = self._matrix or [[1, 0], [0, 1]]
         # a pixel (x, y) is shown at (a x + c y, b x + d y), its sign telling from which side that is counted
         if max(abs(b), abs(c)) > max(abs(a), abs(d)):
             image, a, d = image.swapaxes(0, 1), c, b

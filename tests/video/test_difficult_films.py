@@ -181,17 +181,17 @@ def test_no_other_file_is_opened(tmp_path):
             Film(tmp_path / f"{name}.mp4")
 
 
-@pytest.mark.parametrize("mode", ["left_right", "top_bottom"])
-def test_a_film_that_states_two_eyes_is_refused(tmp_path, mode):
+@pytest.mark.parametrize(("packing", "words"), [(3, " side by side"), (4, ", one over the other")])
+def test_a_film_that_states_two_eyes_is_refused_by_any_frame(tmp_path, packing, words):
+    """Key frames alone state it."""
     with av.open(str(tmp_path / "film.mkv"), "w") as out:
-        stream = out.add_stream("libx264", 25)
-        stream.width, stream.height, stream.metadata["stereo_mode"] = 128, 96, mode
-        out.mux(stream.encode(av.VideoFrame.from_ndarray(numbered(3))))
+        stream = out.add_stream("libx264", 25, options={"x264-params": f"frame-packing={packing}"})
+        stream.width, stream.height = 128, 96
+        for number in range(3):
+            out.mux(stream.encode(av.VideoFrame.from_ndarray(numbered(number))))
         out.mux(stream.encode())
-    with pytest.raises(
-        InputError, match=rf"one eye, found two eyes{' side' if mode == 'left_right' else ', one over'}"
-    ):
-        read_video_frame(tmp_path / "film.mkv", 0)
+    with pytest.raises(InputError, match=f"one eye, found two eyes{words}"):
+        read_video_frame(tmp_path / "film.mkv", 2)
 
 
 def test_frames_of_another_size_are_told(tmp_path):

@@ -13,6 +13,7 @@ from ...colour.reference_view import (
     limited_to_incidence,
     unseen_colours_of,
     without_highlights,
+    without_shadows,
 )
 from ...colour.shading import ColouredSurface
 from ...dataset.description import distribution_of, trajectory_of, view_camera
@@ -75,6 +76,8 @@ class ViewPlanner:
         self.camera = view_camera(loaded, options)
         if options.highlights == DROP:
             reference = without_highlights(reference, loaded.frames)
+        if options.unseen == "fill":
+            reference = without_shadows(reference)
         self.reference = limited_to_incidence(reference, options.max_incidence_deg)
         pose = ReferencePose(loaded.frame.cam_from_model, reference.pivot_model)
         self._video_path = trajectory_of(options, pose, self.camera)

@@ -66,15 +66,12 @@ def read_labels(path: Path, like: Volume | None = None) -> LabelMap:
 def _check_place(values: np.ndarray, grid: VoxelGrid, like: Volume, where: str) -> None:
     """Check that labels ``(Z, Y, X)`` lie in the grid of their volume, and have not lost their place.
 
-    As many voxels of the same size fill the same box, if in another order; but one that negated numbers have put there.
+    As many voxels fill the same box, if in another order; but one that negated numbers have put there.
     """
     wanted, whole = like.grid, like.whole or like.grid
-    spacing = np.sort([grid.spacing_mm, whole.spacing_mm])
-    if sorted(grid.size) == sorted(whole.size) and (
-        _is_default(grid) or np.allclose(spacing[0], spacing[1], rtol=1e-3)
-    ):
+    if sorted(grid.size) == sorted(whole.size):
         distance = np.linalg.norm(grid.corners_mm[:, None] - whole.corners_mm, axis=2)
-        is_elsewhere = distance.min(axis=1).max() > 0.5 * spacing.min()
+        is_elsewhere = distance.min(axis=1).max() > 0.5 * whole.spacing_mm.min()
         is_negated = not apart_mm(grid.mesh_from_index, _NEGATED @ whole.mesh_from_index, grid.size)
         is_same = grid.size == whole.size and not apart_mm(grid.mesh_from_index, whole.mesh_from_index, grid.size)
         if not is_same and (is_elsewhere or is_negated):
@@ -154,8 +151,3 @@ def _present(values: np.ndarray) -> list[int]:
     for part in values:
         present[np.bincount(part.ravel()).nonzero()[0]] = True
     return [int(label) for label in present.nonzero()[0] if label]
-
-
-def _is_default(grid: VoxelGrid) -> bool:
-    """Whether a grid is what writers put into a header if they know nothing: 1 mm, at the origin, of any signs."""
-    return bool(np.allclose(np.abs(grid.mesh_from_index), np.eye(4), atol=1e-6))

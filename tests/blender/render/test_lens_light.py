@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from oneframe.blender.dataset.view_renderer import ViewRenderer
 from oneframe.blender.render.engines import opened_engine, reference_view_of
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.lens_shading import LensShading, lens_shading_of
-from oneframe.colour.reference_view import colours_of, unseen_colours_of
+from oneframe.colour.reference_view import colours_of, unseen_colours_of, without_shadows
 from oneframe.colour.shading import ColouredSurface
 from oneframe.dataset.description import describe
 from oneframe.dataset.options import COLOURS, DatasetOptions
@@ -160,7 +161,7 @@ def test_shadows_are_where_rays_say_and_the_frame_comes_back(
 
 
 @pytest.mark.parametrize("shadows", [False, True])
-def test_what_lies_in_the_lamps_shadow_colours_nothing_unseen(shadows, stepped_mesh, frontal_pose, lit_case):
+def test_what_lies_in_the_lamps_shadow_is_filled_and_colours_nothing(shadows, stepped_mesh, frontal_pose, lit_case):
     """Grey steps whose shadow and edges are bright, of light between walls and a backdrop, are grey out of sight."""
     light = LensLight((-120.0, 60.0, 0.0), 0.3)
     loaded = lit_case(stepped_mesh, np.zeros((48, 64, 3), np.float32), frontal_pose, CAMERA, light=light)
@@ -174,7 +175,13 @@ def test_what_lies_in_the_lamps_shadow_colours_nothing_unseen(shadows, stepped_m
     bright = (shadowed.rgb < lit.rgb - 1e-4) | edge[..., None]
     image = np.where(bright, np.float32(0.9), shadowed.rgb)
     seen = albedo_of(replace(loaded, frames=(replace(loaded.frame, image=image),)), shadows=shadows)
-    np.testing.assert_allclose(unseen_colours_of(seen, "fill"), 0.5, atol=1e-3)
+    np.testing.assert_allclose(unseen_colours_of(without_shadows(seen), "fill"), 0.5, atol=1e-3)
+    options = DatasetOptions(engine="raster", unseen="fill", light="shadows" if shadows else "lens")
+    with ViewRenderer(loaded, seen, options, None) as renderer:
+        view = renderer.render(frontal_pose)
+    expected = (shadowed if shadows else lit).rgb
+    np.testing.assert_allclose(view.rgb[~edge], expected[~edge], atol=2e-3)
+    np.testing.assert_array_equal(view.observed[~edge], (shadowed.mask & ~bright[..., 0])[~edge])
 
 
 def test_flipped_faces_are_shaded_as_those_around_them(bumpy_mesh, oblique_pose, rng):

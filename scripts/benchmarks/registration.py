@@ -2,8 +2,8 @@
 
 The images of the sample and of --bones are rendered; bloster's and LM-O's are photographs. Writes, in PATH,
 registration_PART.csv, a row for each frame, and their charts. Wrong: accepted, and off by more than 2 degrees, 2 % of
-the distance, or 5 px at the size of registration. It takes the arguments of the topic evaluation, of which --methods,
---pictures says nothing here.
+the distance, or 5 px at the size of registration. It takes the arguments of the topic evaluation, of which --light,
+--methods and --inception say nothing here.
 """
 
 import argparse

@@ -113,8 +113,7 @@ def listed_poses(path: Path) -> list[Any]:
         if is_table := is_scene(found):
             found = scene_entries(found, path, place)
         first = found[0] if _is_list(found) else None
-        is_matrix = isinstance(first, list) and bool(first) and not _is_list(first[0])
-        if isinstance(found, dict) or isinstance(first, float) or is_matrix:
+        if isinstance(found, dict) or isinstance(first, float) or (_is_list(first) and not _is_list(first[0])):
             found = [found]
         if not isinstance(found, list):
             raise InputError(f"{path.name}: expected a list of poses, found {type(found).__name__}")

@@ -120,7 +120,10 @@ def without_shadows(reference: ReferenceView) -> ReferenceView:
 def _without_edges(view: SeenFrame) -> SeenFrame:
     """The view, in which pixels at the edge of a surface show nothing: their colours are mixed."""
     around = np.lib.stride_tricks.sliding_window_view(np.pad(view.inverse_depth, 1, mode="edge"), (3, 3))
-    return _limited_to(view, around.min(axis=(2, 3)) > (1 - view.steepest) * around.max(axis=(2, 3)))
+    # beside the pixel's own: from one side of it to the other, a steep wall changes twice as much
+    nearest, own, farthest = around.max(axis=(2, 3)), view.inverse_depth, around.min(axis=(2, 3))
+    same = 1 - view.steepest
+    return _limited_to(view, (farthest > same * own) & (own > same * nearest))
 
 
 def traced_surface(surface: ColouredSurface, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:

@@ -24,6 +24,7 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from tests.blender.render.test_ray_tracer import FEW, assert_those_of_cycles
 from tests.codes import codes_from_linear
+from tests.conftest import grid_mesh
 
 pytestmark = pytest.mark.render
 
@@ -182,6 +183,17 @@ def test_what_lies_in_the_lamps_shadow_is_filled_and_colours_nothing(shadows, st
     expected = (shadowed if shadows else lit).rgb
     np.testing.assert_allclose(view.rgb[~edge], expected[~edge], atol=2e-3)
     np.testing.assert_array_equal(view.observed[~edge], (shadowed.mask & ~bright[..., 0])[~edge])
+
+
+def test_a_steep_wall_is_no_edge(frontal_pose, lit_case):
+    """At 85 degrees to the rays, less than what counts as seen, it keeps its own colour beside a plate of another."""
+    x, y = np.meshgrid([*np.linspace(-20, 0, 21), *np.linspace(0.5, 6, 12)], np.linspace(-15, 15, 31))
+    mesh = grid_mesh(x, y, -np.tan(np.radians(85)) * np.maximum(x, 0))
+    image = np.full((48, 64, 3), 0.5, np.float32)
+    image[:, 31:, 0] = 0.1
+    filled = unseen_colours_of(albedo_of(lit_case(mesh, image, frontal_pose, CAMERA)), "fill")
+    wall = np.isclose(x, 3).ravel() & (np.abs(y) < 10).ravel()
+    assert (filled[wall, 0] < 0.5 * filled[wall, 1]).all()
 
 
 def test_flipped_faces_are_shaded_as_those_around_them(bumpy_mesh, oblique_pose, rng):

@@ -6,7 +6,7 @@ All are ``cam_from_mesh``, in the frame of the user's mesh file: see :mod:`onefr
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -131,7 +131,7 @@ def listed_poses(path: Path) -> list[Any]:
     return found
 
 
-def _is_list(value: object) -> bool:
+def _is_list(value: object) -> TypeGuard[list[Any]]:
     return isinstance(value, list) and len(value) > 0
 
 

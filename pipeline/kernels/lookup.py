@@ -11,6 +11,9 @@ import numpy as np
 from .compiled import compiled
 from .nearest_face import corner_areas
 
+BLOCK = 1024
+"""Points that :func:`paint` colours together."""
+
 
 class Met(NamedTuple):
     """What N rays meet: image points ``(N, 2)``, faces ``(N,)``, -1 for none, and inverse depths ``(N,)``."""
@@ -113,38 +116,61 @@ def shown_by(met: Met, faces: np.ndarray, frame: FrameLookup) -> np.ndarray:
 
 
 @compiled
+def _places(met: Met, faces: np.ndarray, frame: FrameLookup, painted: Painted, first: int, places: np.ndarray) -> None:
+    """Enter columns, rows and depths, as of :func:`_place`, of points from a first one on that have no colour yet.
+
+    The frame's texels there come into the processor's cache.
+    """
+    (uv, face, inverse_depth), sources, (affine, texels, _, margin) = met, painted.source, frame[:4]
+    height, width, flat = texels.shape[0], texels.shape[1], texels.ravel()
+    corners, touched = np.empty(len(places), np.int64), np.zeros(1, np.float32)
+    for place in range(len(places)):
+        number, x, y, depth = first + place, 0.0, 0.0, 0.0
+        if face[number] >= 0 and sources[number] == 0 and faces[face[number]]:
+            uvw = (uv[number, 0], uv[number, 1], inverse_depth[number])
+            x, y, depth = _place(uvw, affine, height, width, margin)
+        places[place, 0], places[place, 1], places[place, 2] = x, y, depth
+        top, _, left = _pixels_around(height, width, x, y)[:3]
+        corners[place] = 4 * (top * width + left)
+    below = 4 * width if height > 1 else 0
+    # memory answers many questions at once if a loop is so short that processors run ahead in it
+    for place in range(len(places)):
+        touched[0] += flat[corners[place]] + flat[corners[place] + below]
+
+
+@compiled
 def paint(met: Met, faces: np.ndarray, frame: FrameLookup, source: int, painted: Painted) -> None:
     """Enter colours of a frame, whose number is ``source``, at points on some of the faces that have none yet."""
-    (uv, face, inverse_depth), (rgb, sources, near_unseen) = met, painted
-    affine, texels, tolerance, margin, image, offsets, share = frame
-    height, width, count = texels.shape[0], texels.shape[1], len(offsets)
-    for number in range(len(face)):
-        if face[number] < 0 or sources[number] > 0 or not faces[face[number]]:
-            continue
-        uvw = (uv[number, 0], uv[number, 1], inverse_depth[number])
-        x, y, depth = _place(uvw, affine, height, width, margin)
-        around = _pixels_around(height, width, x, y)
-        if not (depth > 0 and abs(_interpolated(texels, around, 3) * depth - 1) <= tolerance):
-            continue
-        sources[number] = source
-        if count == 0:
-            for channel in range(3):
-                rgb[number, channel] = _interpolated(texels, around, channel)
-        for lookup in range(count):
-            around = _pixels_around(height, width, x + offsets[lookup, 0], y + offsets[lookup, 1])
-            for channel in range(3):
-                value = _interpolated(image, around, channel)
-                rgb[number, channel] = value if lookup == 0 else rgb[number, channel] + value
-            if lookup == 0 and _interpolated(image, around, 3) > 0.5:
-                near_unseen[number] = True
-        if count > 1:
-            for channel in range(3):
-                rgb[number, channel] /= count
-        if share > 0:
-            row, column = min(max(int(np.rint(y)), 0), height - 1), min(max(int(np.rint(x)), 0), width - 1)
-            if abs(texels[row, column, 3] * depth - 1) <= tolerance:
+    rgb, sources, near_unseen = painted
+    _, texels, tolerance, _, image, offsets, share = frame
+    height, width, count, block = texels.shape[0], texels.shape[1], len(offsets), np.empty((BLOCK, 3))
+    for first in range(0, len(sources), BLOCK):
+        places = block[: len(sources) - first]
+        _places(met, faces, frame, painted, first, places)
+        for place in range(len(places)):
+            number, x, y, depth = first + place, places[place, 0], places[place, 1], places[place, 2]
+            around = _pixels_around(height, width, x, y)
+            if not (depth > 0 and abs(_interpolated(texels, around, 3) * depth - 1) <= tolerance):
+                continue
+            sources[number] = source
+            if count == 0:
                 for channel in range(3):
-                    rgb[number, channel] += share * (texels[row, column, channel] - rgb[number, channel])
+                    rgb[number, channel] = _interpolated(texels, around, channel)
+            for lookup in range(count):
+                around = _pixels_around(height, width, x + offsets[lookup, 0], y + offsets[lookup, 1])
+                for channel in range(3):
+                    value = _interpolated(image, around, channel)
+                    rgb[number, channel] = value if lookup == 0 else rgb[number, channel] + value
+                if lookup == 0 and _interpolated(image, around, 3) > 0.5:
+                    near_unseen[number] = True
+            if count > 1:
+                for channel in range(3):
+                    rgb[number, channel] /= count
+            if share > 0:
+                row, column = min(max(int(np.rint(y)), 0), height - 1), min(max(int(np.rint(x)), 0), width - 1)
+                if abs(texels[row, column, 3] * depth - 1) <= tolerance:
+                    for channel in range(3):
+                        rgb[number, channel] += share * (texels[row, column, channel] - rgb[number, channel])
 
 
 @compiled

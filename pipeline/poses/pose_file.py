@@ -112,7 +112,7 @@ def listed_poses(path: Path) -> list[Any]:
         found = parsed_json(text, path.name, parse_int=float)
         if is_table := is_scene(found):
             found = scene_entries(found, path, place)
-        first = found[0] if _is_list(found) else None
+        first: Any = found[0] if _is_list(found) else None
         if isinstance(found, dict) or isinstance(first, float) or (_is_list(first) and not _is_list(first[0])):
             found = [found]
         if not isinstance(found, list):

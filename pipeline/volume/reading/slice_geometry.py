@@ -100,21 +100,11 @@ def _equal_steps(along_mm: np.ndarray, rounding_mm: float, where: str) -> tuple[
     step, start = np.polyfit(np.arange(len(along_mm)), along_mm, 1)
     if np.abs(along_mm - start - step * np.arange(len(along_mm))).max() <= max(LARGEST_DEVIATION * step, rounding_mm):
         return float(step), float(start)
-    # gaps do not count
-    typical = float(np.median(steps[steps < 1.5 * steps.min()]))
-    counts = np.rint(steps / typical)
-    gaps = np.flatnonzero(counts >= 2)
-    if len(gaps) and np.abs(steps - counts * typical).max() <= 2 * max(LARGEST_DEVIATION * typical, rounding_mm):
-        after = ", ".join(str(gap + 1) for gap in gaps[:5]) + (", ..." if len(gaps) > 5 else "")
-        missing = int(counts[gaps].sum()) - len(gaps)
-        raise InputError(
-            f"{where}: expected slices every {typical:.4g} mm, found {missing} missing (after slice {after} of "
-            f"{len(along_mm)}, counted along the series): copy or export the series again, or "
-            "resample one that was taken in two steps to one, for example with dcm2niix or 3D Slicer"
-        )
+    gap = int(np.argmax(steps))
     raise InputError(
-        f"{where}: expected slices in equal steps, found steps of {steps.min():.4g} to {steps.max():.4g} mm; "
-        "resample the series to equal steps, for example with dcm2niix or 3D Slicer"
+        f"{where}: expected slices in equal steps, found steps of {steps.min():.4g} to {steps[gap]:.4g} mm, the "
+        f"largest after slice {gap + 1} of {len(along_mm)}, counted along the series: where slices are missing, copy "
+        "or export it again; where it was taken so, resample it to equal steps, for example with dcm2niix or 3D Slicer"
     )
 
 

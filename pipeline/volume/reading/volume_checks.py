@@ -19,9 +19,6 @@ _SAME_PLACE_VOXELS, _SAME_TURN = 0.1, 1e-3
 MOST_LABELS = 255
 """Different values in a label map; the largest segmentations of the body have 120."""
 
-_FEW = 64
-"""Up to so many different values, and none negative, it is a label map rather than a CT."""
-
 _ROUNDING = 0.05
 """How far labels may lie from whole numbers: stored by a scale in 8 bits, 25 labels are off by as much."""
 
@@ -155,16 +152,11 @@ class ValueSurvey:
             raise InputError(
                 f"{expected} {self._range}, beyond 16 bits: no HU, or padding; convert it to HU, with -1000 for padding"
             )
-        if self._lowest >= 0 and self._fractional is None and self._variety <= _FEW:
-            raise InputError(
-                f"{expected} {self._variety} different {self._range}: it looks like a label map; give it as labels, "
-                "and the CT as the volume"
-            )
         if self._highest - self._lowest < _LEAST_SPAN_HU:
-            raise InputError(f"{expected} {self._range}: it looks normalised; take the original")
+            raise InputError(f"{expected} {self._range}: labels, or normalised; take the original CT")
         if self._lowest >= 0:
             raise InputError(
-                f"{expected} {self._range} and no negative ones: not a CT, or the scanner's raw numbers; "
+                f"{expected} {self._range} and no negative ones: labels, not a CT, or the scanner's raw numbers; "
                 "take a CT, or subtract the offset (often 1024)"
             )
 

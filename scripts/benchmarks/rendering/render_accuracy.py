@@ -4,7 +4,7 @@ Times are those of the whole command ``render_dataset.py``, from the records on 
 measured on the files of the last round, against a converged reference and against photographs.
 """
 
-import shutil
+import os
 import subprocess
 import sys
 import time
@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
+from tempfile import mkdtemp
 
 import bpy
 import numpy as np
@@ -201,7 +202,7 @@ def render_command(case: Path, out: Path, *flags: str) -> list[str]:
 
 def _dataset(scene: RenderScene, case: Path, folder: Path, flags: Sequence[str], indices: Sequence[int]) -> Timed:
     """Seconds a view of the whole command, and some of its views."""
-    out, own = folder / "out", (f"--poses={folder / 'poses.npy'}", f"--scale={1 / scene.factor!r}")
+    out, own = Path(mkdtemp(dir=folder)), (f"--poses={folder / 'poses.npy'}", f"--scale={1 / scene.factor!r}")
     command = render_command(case, out, *own, *flags)
     ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     if ended.returncode:
@@ -211,7 +212,9 @@ def _dataset(scene: RenderScene, case: Path, folder: Path, flags: Sequence[str],
     # the second half, when all processes are at work
     written = written[len(written) // 2 : -UNTIMED_VIEWS]
     views = [read_image(paths[index].file("rgb"))[0] for index in indices]
-    shutil.rmtree(out)
+    # not removed: for minutes after that, some disks create files more slowly
+    for path in filter(Path.is_file, out.rglob("*")):
+        os.truncate(path, 0)
     return (written[-1] - written[0]) / (len(written) - 1), views
 
 

@@ -89,12 +89,8 @@ def test_series_as_others_store_them_have_their_values_in_equal_steps(write_seri
 
 
 BAD = {
-    "a missing slice": ({"missing": [4]}, r"slices every 0.9 mm, found 1 missing \(after slice 4 of 7"),
-    "two steps": (
-        {"places": [0, 1, 2, 3, 5, 7, 9, 11]},
-        "found 4 missing .*or resample one that was taken in two steps",
-    ),
-    "varying steps": ({"places": [0, 1, 2, 3, 4.3, 5.6, 6.9, 8.2]}, "steps of 0.9 to 1.17 mm; resample"),
+    "a missing slice": ({"missing": [4]}, "steps of 0.9 to 1.8 mm, the largest after slice 4 of 7.* export it again"),
+    "two steps": ({"places": [0, 1, 2, 3, 4.3, 5.6, 6.9, 8.2]}, "steps of 0.9 to 1.17 mm.*resample it"),
     "a tilted gantry": ({"shear_mm": 0.9 * np.tan(np.deg2rad(12))}, r"gantry tilted by 12.00°.*resample"),
     "two slices at a place": ({"places": [0, 1, 2, 3, 0, 1, 2, 3]}, "found 4 places with several"),
     "too few": ({"slices": 2}, "at least 3 slices, found 2"),

@@ -189,7 +189,11 @@ def empty(path: Path) -> Path:
 
 
 BAD = {
-    "a label map": ("a.nrrd", lambda p: written(p, np.eye(9, dtype=np.uint8)[None].repeat(3, 0)), "like a label"),
+    "a label map": (
+        "a.nrrd",
+        lambda p: written(p, np.eye(9, dtype=np.uint8)[None].repeat(3, 0)),
+        "found values from 0 to 1: labels",
+    ),
     "raw numbers": ("a.nrrd", lambda p: written(p, (voxels() + 1024).astype(np.uint16)), "subtract"),
     "beyond 16 bits": ("a.nrrd", lambda p: written(p, voxels().astype(np.int32) * 99), "beyond 16 bits"),
     "NaN": ("a.nrrd", lambda p: written(p, np.where(voxels() > 0, np.nan, voxels())), "NaN or infinity"),

@@ -18,8 +18,8 @@ EPILOG = """examples:
 
 Exit code: 0 complete and consistent; 1 something is wrong; 2 not a dataset, or wrong arguments.
 
-To repair a dataset, delete the records frame/NNNNNN.json of the affected views and run the command that rendered it
-again: it renders these views and writes all tables again.
+To repair a dataset, run the command that rendered it again, with --verify: it renders the affected views and writes all
+tables again.
 """
 
 

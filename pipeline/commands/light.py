@@ -19,8 +19,8 @@ EPILOG = """examples:
 Two registered frames and more tell a lamp at the lens from the light of a room, which stands still. One frame alone
 does so seldom: then the command says that it does not know. The case gets a table [light]: where the lamp is in the
 camera's axes, the ambient part beside it, and how sure they are; with vignetting, or that alone, where frames that were
-left out tell so. Exit code 2: there is no lamp at the lens, or the
-frames do not tell, as where they are not of this surface; nothing is written.
+left out tell so. Exit code 2: there is no lamp at the lens, or the frames do not tell, as where they are not of this
+surface; nothing is written.
 """
 
 

@@ -28,7 +28,7 @@ COUNTS = (4, 6, 8, 10)
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this topic."""
-    parser.add_argument("--trials", metavar="N", type=int, default=2000)
+    parser.add_argument("--trials", metavar="N", type=int, default=2000, help="(default 2000)")
     parser.add_argument(
         "--noise-px", metavar="X", type=float, nargs="+", default=[1.0, 2.0, 4.0], help="true click noise"
     )

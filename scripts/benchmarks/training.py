@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--bloster", metavar="DIR", type=Path, help="another scene: the photographs of bloster")
     parser.add_argument("--without-sample", action="store_true", help="leave the built-in sample case out")
     parser.add_argument("--views", metavar="N", type=int, default=800, help="to train on (default %(default)s)")
-    parser.add_argument("--datasets", nargs="+", choices=ALL, default=ALL)
+    parser.add_argument("--datasets", nargs="+", choices=ALL, default=ALL, metavar="NAME", help=" ".join(ALL))
     parser.add_argument("--steps", metavar="N", type=int, default=3000, help="of a training (default %(default)s)")
     parser.add_argument("--seeds", metavar="N", type=int, nargs="+", default=[0], help="of the trainings (default 0)")
     parser.add_argument("--spoilt", action="store_true", help="show spoilt photographs to the first network, too")

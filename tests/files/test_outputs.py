@@ -57,10 +57,8 @@ def test_a_folder_of_own_files_holds_nothing_else(tmp_path):
 
 @pytest.mark.skipif(os.name == "nt", reason="opens no folders")
 def test_a_folder_belongs_to_one_command_until_that_ends(tmp_path):
-    folder = tmp_path / "new"
-    for _ in range(2):
-        with files_of_command():
-            check_own_folder(folder, "x", {})
-            with files_of_command(), pytest.raises(RunError, match="new: another run writes into it"):
-                check_own_folder(folder, "x", {})
-        assert not folder.exists()
+    with files_of_command():
+        check_own_folder(tmp_path / "new", "x", {})
+        with files_of_command(), pytest.raises(RunError, match="new: another run writes into it"):
+            check_own_folder(tmp_path / "new", "x", {})
+    assert not (tmp_path / "new").exists()

@@ -48,16 +48,16 @@ def test_take_the_pictures(blender, resources, sample, run_oneframe, tmp_path):
         picture.save(Path(FOLDER, f"{name}.jpg"), "JPEG", **QUALITY)
 
 
-def test_take_the_pictures_of_two_scenarios(play):
-    for name in ("first_session", "frames"):
-        play(Path(__file__).with_name(f"scenario_{name}.py"), TIMEOUT_S)
-    shots = {
-        f"first_session_{at}": path for at, path in enumerate(sorted((PICTURES / "first_session").glob("*.png")), 1)
-    }
-    of_frames = {"video": "1_alone", "frames": "3_found", "queue": "4_queue"}
-    shots |= {name: PICTURES / "frames" / f"{picture}.png" for name, picture in of_frames.items()}
-    for name, path in shots.items():
-        Image.open(path).save(Path(FOLDER, f"{name}.jpg"), "JPEG", **QUALITY)
+@pytest.mark.parametrize("name", ["first_session", "frames"])
+def test_take_the_pictures_of_a_scenario(play, name):
+    play(Path(__file__).with_name(f"scenario_{name}.py"), TIMEOUT_S)
+    taken = sorted((PICTURES / name).glob("*.png"))
+    shots = {f"first_session_{at}": path for at, path in enumerate(taken, 1)}
+    if name == "frames":
+        of_frames = {"video": "0_not_registered", "frames": "3_found", "queue": "4_queue"}
+        shots = {picture: PICTURES / name / f"{shot}.png" for picture, shot in of_frames.items()}
+    for picture, path in shots.items():
+        Image.open(path).save(Path(FOLDER, f"{picture}.jpg"), "JPEG", **QUALITY)
 
 
 def first_page(case: Path, dataset: Path) -> Image.Image:

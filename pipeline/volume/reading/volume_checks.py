@@ -137,10 +137,6 @@ class ValueSurvey:
                 self._present[np.rint(values).astype(np.int32).ravel() & 0xFFFF] = True
 
     @property
-    def _variety(self) -> int:
-        return int(np.count_nonzero(self._present))
-
-    @property
     def _range(self) -> str:
         return f"values from {self._lowest:.6g} to {self._highest:.6g}"
 
@@ -173,8 +169,9 @@ class ValueSurvey:
             )
         if self._highest >= 2**16 - 0.5:
             raise InputError(f"{expected} {self._range}; the largest label is 65535: number them anew")
-        if self._variety > MOST_LABELS:
-            raise InputError(f"{expected} {self._variety} different {self._range}: it looks like an image, not labels")
+        variety = int(np.count_nonzero(self._present))
+        if variety > MOST_LABELS:
+            raise InputError(f"{expected} {variety} different {self._range}: it looks like an image, not labels")
         if self._highest < 0.5:
             raise InputError(f"{expected} 0 everywhere; it holds no structure: choose another file")
 

@@ -37,6 +37,21 @@ def lock_by_system(descriptor: int, shared: bool) -> None:
         fcntl.lockf(descriptor, kind)  # some mounts only have locks of POSIX
 
 
+def lock_if_possible(descriptor: int, *, shared: bool = False) -> None:
+    """Take such a lock where there are locks.
+
+    Raises
+    ------
+    Busy
+        Another process has it.
+    """
+    try:
+        lock_by_system(descriptor, shared)
+    except OSError as error:
+        if error.errno in BUSY:
+            raise Busy from None
+
+
 class FileLock:
     """A lock on a file, shared or exclusive, until :meth:`release` or the end of the process."""
 
@@ -54,11 +69,7 @@ class FileLock:
         """
         self._stream = path.open("a+b")
         try:
-            try:
-                lock_by_system(self._stream.fileno(), shared)
-            except OSError as error:
-                if error.errno in BUSY:
-                    raise Busy from None
+            lock_if_possible(self._stream.fileno(), shared=shared)
             if not os.path.samestat(os.fstat(self._stream.fileno()), path.stat()):
                 raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
         except BaseException:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ..errors import InputError, RunError
 from .content import command_files
-from .lock import BUSY, lock_by_system
+from .lock import Busy, lock_if_possible
 from .writing import remove_abandoned, write_bytes_atomically
 
 _DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
@@ -96,10 +96,9 @@ def _locked(folder: Path) -> Iterator[None]:
         descriptor = os.open(folder, os.O_RDONLY)
     try:
         try:
-            lock_by_system(descriptor, shared=False)
-        except OSError as error:
-            if error.errno in BUSY:
-                raise RunError(f"{folder}: another run writes into it; wait, or choose another folder") from None
+            lock_if_possible(descriptor)
+        except Busy:
+            raise RunError(f"{folder}: another run writes into it; wait, or choose another folder") from None
         yield
     finally:
         os.close(descriptor)

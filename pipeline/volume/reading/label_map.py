@@ -18,12 +18,10 @@ from ...transforms import transform_points
 from ..bone.structures import anatomical_name, is_bone, plain_text
 from ..volume import LabelMap, Volume, VoxelGrid, box_around, box_corners
 from .volume_checks import apart_mm
-from .volume_header import read_header, volume_suffix
+from .volume_header import LABEL, read_header, volume_suffix
 from .volume_reader import file_voxels
 
 LONGEST_NAME = 80
-
-_LABEL = re.compile(r"\d{1,9}")
 
 _SNAP_LINE = re.compile(r'\s*(\d{1,9})(?:\s+[-+.\deE]+){6}\s+"([^"]*)"\s*')
 """ITK-SNAP: label, red, green, blue, opacity, visibility, mesh visibility, name."""
@@ -120,7 +118,7 @@ def _names_in(path: Path) -> dict[int, str]:
     lines = [line for line in (decoded(content) or "").splitlines() if not line.startswith("#")]
     if path.suffix == ".csv":
         rows = [(row.get("LabelValue") or "", row.get("Name") or "") for row in csv.DictReader(lines)]
-        return {int(label): name for label, name in rows if _LABEL.fullmatch(label) and name}
+        return {int(label): name for label, name in rows if LABEL.fullmatch(label) and name}
     matches = (_SNAP_LINE.fullmatch(line) or _SLICER_LINE.fullmatch(line) for line in lines)
     return {int(match[1]): match[2] for match in matches if match}
 
@@ -130,7 +128,7 @@ def _names_in_json(labels: object) -> dict[int, str]:
     names: dict[int, str] = {}
     for key, value in labels.items() if isinstance(labels, Mapping) else ():
         name = value.get("name") if isinstance(value, Mapping) else value
-        if _LABEL.fullmatch(key) and isinstance(name, str):
+        if LABEL.fullmatch(key) and isinstance(name, str):
             names[int(key)] = name
         elif isinstance(value, int) and not isinstance(value, bool):
             names[value] = key

@@ -28,6 +28,9 @@ from .volume_checks import apart_mm, check_axes, three_dimensions
 
 SUFFIXES = (".nii", ".nii.gz", ".nrrd")
 
+LABEL = re.compile(r"\d{1,9}")
+"""The number of a label in words."""
+
 _NIFTI_UNITS = {0: 1.0, 1: 1000.0, 2: 1.0, 3: 0.001}
 """Code -> mm; writers that state none mean mm."""
 
@@ -274,7 +277,7 @@ def _segments(reader: Any) -> dict[int, str]:
         if match := re.fullmatch(r"Segment(\d+)_Name", key):
             value = f"Segment{match[1]}_LabelValue"
             label = reader.GetMetaData(value).strip() if reader.HasMetaDataKey(value) else ""
-            if re.fullmatch(r"\d{1,9}", label):
+            if LABEL.fullmatch(label):
                 names[int(label)] = reader.GetMetaData(key).strip()
     return names
 
